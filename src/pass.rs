@@ -1,0 +1,236 @@
+//! A recorded pass: targets, pipelines, bindings and draws, as plain data.
+//!
+//! Three executors take the same [`Pass`]: `compute` (the product), `classic` (the device's own
+//! graphics pipeline) and `reference` (the CPU). None of them changes it. Resources are shared by
+//! [`Arc`]; an executor uploads each of them once and recognises it by the identity of its `Arc`.
+
+use crate::{
+    format::VertexFormat,
+    image::Extent,
+    shader::Shader,
+    state::{Blend, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
+    target::{ColorTarget, DepthTarget},
+    texture::{Sampler, Texture},
+};
+use std::sync::Arc;
+
+/// Bytes for vertices, indices, uniform or storage blocks. Immutable: a change is a new buffer.
+#[derive(Clone, Debug, Default)]
+pub struct Buffer {
+    /// For messages and debug labels.
+    pub label: String,
+    /// The content.
+    pub bytes: Vec<u8>,
+}
+
+/// A range of a [`Buffer`].
+#[derive(Clone, Debug)]
+pub struct BufferRange {
+    /// The buffer.
+    pub buffer: Arc<Buffer>,
+    /// First byte. A multiple of 256 where a shader binds it as a block
+    /// (the largest alignment Vulkan lets a device ask for); any value for vertices.
+    pub offset: usize,
+    /// Bytes.
+    pub bytes: usize,
+}
+
+impl BufferRange {
+    /// All of `buffer`.
+    pub fn whole(buffer: &Arc<Buffer>) -> Self {
+        Self { buffer: buffer.clone(), offset: 0, bytes: buffer.bytes.len() }
+    }
+}
+
+/// How often a vertex binding advances.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum StepRate {
+    /// Once per vertex.
+    #[default]
+    Vertex,
+    /// Once per instance.
+    Instance,
+}
+
+/// One vertex buffer slot of a pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct VertexBinding {
+    /// Bytes from one element to the next; 0 reads the same element for all.
+    pub stride: u32,
+    /// When it advances.
+    pub rate: StepRate,
+}
+
+/// One attribute: which location of the vertex shader reads what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct VertexAttribute {
+    /// `layout(location = …)` of the vertex shader.
+    pub location: u32,
+    /// Index into [`Pipeline::vertex_bindings`] and [`Draw::vertex_buffers`].
+    pub binding: u32,
+    /// Layout in memory.
+    pub format: VertexFormat,
+    /// Bytes from the start of the element.
+    pub offset: u32,
+}
+
+/// A shader pair and its fixed-function state.
+#[derive(Clone, Debug)]
+pub struct Pipeline {
+    /// For messages and debug labels.
+    pub label: String,
+    /// The vertex shader.
+    pub vertex: Arc<Shader>,
+    /// The fragment shader.
+    pub fragment: Arc<Shader>,
+    /// Specialization constants of both stages, (`constant_id`, value bits).
+    pub specialization: Vec<(u32, u32)>,
+    /// Vertex buffer slots.
+    pub vertex_bindings: Vec<VertexBinding>,
+    /// Vertex attributes.
+    pub vertex_attributes: Vec<VertexAttribute>,
+    /// Primitive assembly.
+    pub topology: Topology,
+    /// Faces that are not drawn.
+    pub cull: Cull,
+    /// Which winding is the front.
+    pub front_face: FrontFace,
+    /// The depth test.
+    pub depth: DepthState,
+    /// Blending; `None` overwrites.
+    pub blend: Option<Blend>,
+}
+
+/// One resource that a shader binds.
+#[derive(Clone, Debug)]
+pub enum Binding {
+    /// A uniform block.
+    Uniform(BufferRange),
+    /// A storage block. What shaders write is not visible outside the pass.
+    Storage(BufferRange),
+    /// `sampler2D`.
+    Sampled(Arc<Texture>, Sampler),
+    /// `texture2D`.
+    Texture(Arc<Texture>),
+    /// `sampler`.
+    Sampler(Sampler),
+}
+
+/// The resource of one `(set, binding)`; an array of resources where the shader declares an array.
+#[derive(Clone, Debug)]
+pub struct BindingEntry {
+    /// `layout(binding = …)`.
+    pub binding: u32,
+    /// One element, or as many as the shader's array has.
+    pub resources: Vec<Binding>,
+}
+
+/// The resources of one descriptor set, shared by many draws.
+#[derive(Clone, Debug, Default)]
+pub struct BindingSet {
+    /// In any order; extra entries are ignored.
+    pub entries: Vec<BindingEntry>,
+}
+
+/// Width of an index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum IndexFormat {
+    /// 16 bits.
+    U16,
+    /// 32 bits.
+    U32,
+}
+
+impl IndexFormat {
+    /// Bytes of one index.
+    pub const fn bytes(self) -> usize {
+        match self {
+            IndexFormat::U16 => 2,
+            IndexFormat::U32 => 4,
+        }
+    }
+}
+
+/// The index buffer of a draw.
+#[derive(Clone, Debug)]
+pub struct Indices {
+    /// The indices; the offset is a multiple of the index width.
+    pub range: BufferRange,
+    /// Their width.
+    pub format: IndexFormat,
+}
+
+/// One draw: `vkCmdDraw` or `vkCmdDrawIndexed` with all it needs bound.
+#[derive(Clone, Debug)]
+pub struct Draw {
+    /// Index into [`Pass::pipelines`].
+    pub pipeline: usize,
+    /// One per `layout(set = …)`, by index.
+    pub sets: Vec<Arc<BindingSet>>,
+    /// The push-constant block, from offset 0; empty if there is none.
+    pub push_constants: Vec<u8>,
+    /// One per [`Pipeline::vertex_bindings`].
+    pub vertex_buffers: Vec<BufferRange>,
+    /// `Some` draws indexed.
+    pub indices: Option<Indices>,
+    /// Vertices, or indices if indexed.
+    pub count: u32,
+    /// First vertex, or first index if indexed.
+    pub first: u32,
+    /// Added to each index; ignored if not indexed.
+    pub base_vertex: i32,
+    /// Instances.
+    pub instances: u32,
+    /// First instance.
+    pub first_instance: u32,
+    /// `None` is the whole target with depth 0..=1.
+    pub viewport: Option<Viewport>,
+    /// `None` is the whole target.
+    pub scissor: Option<Rect>,
+}
+
+impl Draw {
+    /// A draw of `count` vertices (or indices, once [`Draw::indices`] is set) with nothing bound.
+    pub fn new(pipeline: usize, count: u32) -> Self {
+        Self {
+            pipeline,
+            sets: Vec::new(),
+            push_constants: Vec::new(),
+            vertex_buffers: Vec::new(),
+            indices: None,
+            count,
+            first: 0,
+            base_vertex: 0,
+            instances: 1,
+            first_instance: 0,
+            viewport: None,
+            scissor: None,
+        }
+    }
+}
+
+/// Everything an executor needs to make a picture.
+#[derive(Clone, Debug)]
+pub struct Pass {
+    /// For messages and debug labels.
+    pub label: String,
+    /// Size of all targets, 1 to 16384 in each direction.
+    pub extent: Extent,
+    /// The colour target.
+    pub color: ColorTarget,
+    /// The depth target, if there is one.
+    pub depth: Option<DepthTarget>,
+    /// The pipelines that draws refer to.
+    pub pipelines: Vec<Arc<Pipeline>>,
+    /// In API order.
+    pub draws: Vec<Draw>,
+}
+
+/// What a device executor returns of a [`Pass`].
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// The colour target.
+    pub color: crate::image::Image,
+    /// The depth target, if the pass has one.
+    pub depth: Option<crate::image::Image>,
+}

@@ -1,0 +1,202 @@
+//! Fixed-function state of a pipeline, in Vulkan's terms: plain data, no Vulkan types.
+
+/// How vertices become primitives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum Topology {
+    /// Three vertices each.
+    #[default]
+    TriangleList = 0,
+    /// Each vertex after the second makes a triangle with the two before it.
+    TriangleStrip = 1,
+    /// Each vertex after the second makes a triangle with the one before it and the first.
+    TriangleFan = 2,
+}
+
+impl Topology {
+    /// Primitives assembled from `vertices` vertices.
+    pub const fn primitives(self, vertices: u32) -> u32 {
+        match self {
+            Topology::TriangleList => vertices / 3,
+            Topology::TriangleStrip | Topology::TriangleFan => vertices.saturating_sub(2),
+        }
+    }
+}
+
+/// Which faces are not drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum Cull {
+    /// Both faces are drawn.
+    #[default]
+    None = 0,
+    /// Front faces are not drawn.
+    Front = 1,
+    /// Back faces are not drawn.
+    Back = 2,
+}
+
+/// The winding, in framebuffer coordinates (y down), of a front face.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum FrontFace {
+    /// Counter-clockwise as seen on the screen.
+    #[default]
+    CounterClockwise = 0,
+    /// Clockwise as seen on the screen.
+    Clockwise = 1,
+}
+
+/// A comparison: `new OP old`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum Compare {
+    /// Never passes.
+    Never = 0,
+    /// new < old
+    Less = 1,
+    /// new == old
+    Equal = 2,
+    /// new <= old
+    LessOrEqual = 3,
+    /// new > old
+    Greater = 4,
+    /// new != old
+    NotEqual = 5,
+    /// new >= old
+    GreaterOrEqual = 6,
+    /// Always passes.
+    Always = 7,
+}
+
+/// The depth test. Without a depth target it is off whatever this says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct DepthState {
+    /// Whether fragments are compared with the depth target.
+    pub test: bool,
+    /// Whether a passing fragment writes its depth; only while `test` is on, as in Vulkan.
+    pub write: bool,
+    /// The comparison.
+    pub compare: Compare,
+}
+
+impl DepthState {
+    /// No test, no write.
+    pub const OFF: Self = Self { test: false, write: false, compare: Compare::Always };
+    /// The usual one: nearer wins, the first of equals stays.
+    pub const LESS: Self = Self { test: true, write: true, compare: Compare::Less };
+}
+
+impl Default for DepthState {
+    fn default() -> Self {
+        Self::LESS
+    }
+}
+
+/// A factor of the blend equation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum BlendFactor {
+    /// 0
+    Zero = 0,
+    /// 1
+    One = 1,
+    /// Source colour.
+    SrcColor = 2,
+    /// 1 - source colour.
+    OneMinusSrcColor = 3,
+    /// Destination colour.
+    DstColor = 4,
+    /// 1 - destination colour.
+    OneMinusDstColor = 5,
+    /// Source alpha.
+    SrcAlpha = 6,
+    /// 1 - source alpha.
+    OneMinusSrcAlpha = 7,
+    /// Destination alpha.
+    DstAlpha = 8,
+    /// 1 - destination alpha.
+    OneMinusDstAlpha = 9,
+}
+
+/// How weighted source and destination are combined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum BlendOp {
+    /// source + destination
+    Add = 0,
+    /// source - destination
+    Subtract = 1,
+    /// destination - source
+    ReverseSubtract = 2,
+    /// Smaller of the two, unweighted.
+    Min = 3,
+    /// Larger of the two, unweighted.
+    Max = 4,
+}
+
+/// One blend equation: `op(src * src_factor, dst * dst_factor)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct BlendEquation {
+    /// Weight of the source.
+    pub src: BlendFactor,
+    /// Weight of the destination.
+    pub dst: BlendFactor,
+    /// The combination.
+    pub op: BlendOp,
+}
+
+/// Blending of a colour target, in API order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Blend {
+    /// Red, green and blue.
+    pub color: BlendEquation,
+    /// Alpha.
+    pub alpha: BlendEquation,
+}
+
+impl Blend {
+    /// Straight alpha: `src.a * src + (1 - src.a) * dst`; alpha itself accumulates as coverage.
+    pub const ALPHA: Self = Self {
+        color: BlendEquation {
+            src: BlendFactor::SrcAlpha,
+            dst: BlendFactor::OneMinusSrcAlpha,
+            op: BlendOp::Add,
+        },
+        alpha: BlendEquation {
+            src: BlendFactor::One,
+            dst: BlendFactor::OneMinusSrcAlpha,
+            op: BlendOp::Add,
+        },
+    };
+}
+
+/// The viewport transform, in pixels, as `VkViewport`. A negative height flips y.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Viewport {
+    /// Left edge.
+    pub x: f32,
+    /// Top edge.
+    pub y: f32,
+    /// Width, > 0.
+    pub width: f32,
+    /// Height; negative flips y.
+    pub height: f32,
+    /// Depth of clip-space z = 0, in 0..=1.
+    pub min_depth: f32,
+    /// Depth of clip-space z = w, in 0..=1.
+    pub max_depth: f32,
+}
+
+/// A rectangle of pixels, as `VkRect2D` with an offset that is never negative.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rect {
+    /// Left edge.
+    pub x: u32,
+    /// Top edge.
+    pub y: u32,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
