@@ -4,7 +4,14 @@
 //! own graphics pipeline takes. `splice` turns its entry point into a function of one of the
 //! engine's kernels.
 
-use crate::error::Result;
+#[cfg(feature = "glsl")]
+mod compile;
+mod interface;
+mod module;
+mod reflect;
+mod usage;
+
+use crate::{Error, Result};
 
 /// Which stage a shader is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -45,6 +52,47 @@ pub enum ResourceKind {
     StorageImage,
 }
 
+/// What one texel or one component is to a shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Scalar {
+    /// A 32-bit float.
+    Float,
+    /// A signed 32-bit integer.
+    Int,
+    /// An unsigned 32-bit integer.
+    Uint,
+}
+
+/// Dimensionality of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Dimension {
+    /// `sampler1D` and relatives.
+    D1,
+    /// `sampler2D` and relatives.
+    D2,
+    /// `sampler3D` and relatives.
+    D3,
+    /// `samplerCube` and relatives.
+    Cube,
+    /// Buffers as images, input attachments and what else there is.
+    Other,
+}
+
+/// What kind of image a shader declares.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ImageShape {
+    /// Dimensionality.
+    pub dimension: Dimension,
+    /// `sampler2DArray` and relatives.
+    pub arrayed: bool,
+    /// `sampler2DMS` and relatives.
+    pub multisampled: bool,
+    /// `sampler2DShadow` and relatives. SPIR-V may leave it open; then this is `false`.
+    pub shadow: bool,
+    /// What a read returns.
+    pub texel: Scalar,
+}
+
 /// One resource of a shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Resource {
@@ -54,8 +102,38 @@ pub struct Resource {
     pub binding: u32,
     /// What it is.
     pub kind: ResourceKind,
-    /// Elements of the array, 1 if it is none.
+    /// Elements of the array (of all its dimensions), 1 if it is none, 0 if it is a run-time array.
     pub count: u32,
+    /// Blocks: the bytes that a binding must have at least; 0 otherwise.
+    pub bytes: u32,
+    /// Images: what the shader takes them for.
+    pub image: Option<ImageShape>,
+}
+
+/// How a fragment input comes from the vertices of its triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Interpolation {
+    /// Perspective-correct.
+    Smooth,
+    /// Linear on the screen.
+    NoPerspective,
+    /// The provoking vertex's, as it is.
+    Flat,
+}
+
+/// What an `in` or `out` variable has at one location.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Varying {
+    /// The location.
+    pub location: u32,
+    /// The first component, 0 to 3.
+    pub component: u32,
+    /// Components, 1 to 4.
+    pub count: u32,
+    /// Kind of the components.
+    pub scalar: Scalar,
+    /// Fragment inputs: the interpolation; [`Interpolation::Flat`] for integers everywhere.
+    pub interpolation: Interpolation,
 }
 
 /// What a shader binds, reads and writes.
@@ -65,16 +143,19 @@ pub struct Reflection {
     pub resources: Vec<Resource>,
     /// Bytes of the push-constant block, 0 if there is none.
     pub push_constant_bytes: u32,
-    /// Input locations (vertex: attributes), as (location, whether it is a float).
-    pub inputs: Vec<(u32, bool)>,
-    /// Locations written, including all of an array, matrix or struct.
-    pub outputs: Vec<u32>,
+    /// Inputs that are used (vertex: attributes), sorted by location and component. Arrays, matrices
+    /// and structs appear as one entry per location.
+    pub inputs: Vec<Varying>,
+    /// Outputs that are used, in the same way.
+    pub outputs: Vec<Varying>,
     /// `constant_id`s.
     pub specialization: Vec<u32>,
     /// Fragment: `discard`, `demote` or `terminateInvocation` is reachable.
     pub discards: bool,
     /// Fragment: writes `gl_FragDepth`.
     pub writes_depth: bool,
+    /// Fragment: takes derivatives, explicitly or by sampling with implicit level of detail.
+    pub takes_derivatives: bool,
     /// Writes memory or uses atomics.
     pub has_side_effects: bool,
     /// Fragment: `layout(early_fragment_tests)`.
@@ -87,15 +168,18 @@ impl Shader {
     /// # Errors
     /// [`crate::Error::Shader`] with the compiler's messages, which name lines of `source`.
     #[cfg(feature = "glsl")]
-    pub fn from_glsl(_stage: Stage, _label: &str, _source: &str) -> Result<Shader> {
-        todo!()
+    pub fn from_glsl(stage: Stage, label: &str, source: &str) -> Result<Shader> {
+        Self::from_spirv(stage, label, &compile::compile(stage, label, source)?)
     }
 
     /// Takes a SPIR-V module whose entry point for `stage` is called `main`.
     ///
     /// # Errors
     /// [`crate::Error::Shader`] if the words are no module or have no such entry point.
-    pub fn from_spirv(_stage: Stage, _label: &str, _words: &[u32]) -> Result<Shader> {
-        todo!()
+    pub fn from_spirv(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
+        let reflection = module::parse(words)
+            .and_then(|module| reflect::reflect(&module, stage))
+            .map_err(|reason| Error::shader(label, reason))?;
+        Ok(Shader { label: label.into(), stage, spirv: words.to_vec(), reflection })
     }
 }

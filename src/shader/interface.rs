@@ -1,0 +1,196 @@
+//! `in` and `out` variables, flattened to locations.
+//!
+//! A varying may be a matrix, an array, a struct or a block of all of these; what crosses between
+//! stages is up to four 32-bit components at a location. A [`Leaf`] is one such piece and the way
+//! to it inside its variable. The rules of counting are those of Vulkan: a matrix takes a location
+//! per column, an array one after the other, members of a block follow on unless they say
+//! otherwise.
+
+use super::{
+    Interpolation, Scalar, Varying,
+    module::{Index, Outcome, ids},
+};
+use rspirv::{
+    dr::Instruction,
+    spirv::{BuiltIn, Decoration, Op, StorageClass, Word},
+};
+
+/// One location of a variable.
+#[derive(Clone, Debug)]
+pub(super) struct Leaf {
+    /// The variable.
+    pub variable: Word,
+    /// Literal indices from the variable to the leaf.
+    pub path: Vec<u32>,
+    /// Type of the leaf: a scalar or a vector.
+    pub ty: Word,
+    /// What it is to the other stage.
+    pub varying: Varying,
+}
+
+/// Values that the pipeline sets for specialization constants, which may be lengths of arrays.
+pub(super) type Specialization<'a> = &'a [(u32, u32)];
+
+/// An `in` or `out` variable.
+#[derive(Clone, Debug)]
+pub(super) enum Variable {
+    /// One built-in.
+    BuiltIn(BuiltIn),
+    /// A block of built-ins (`gl_PerVertex`): by member.
+    BuiltInBlock(Vec<BuiltIn>),
+    /// A user's variable or block.
+    Leaves(Vec<Leaf>),
+}
+
+/// Classifies and flattens the variable that `instruction` declares.
+pub(super) fn variable(
+    index: &Index,
+    instruction: &Instruction,
+    specialization: Specialization,
+) -> Outcome<Variable> {
+    let (Some(id), Some(pointer)) = (instruction.result_id, instruction.result_type) else {
+        return Err("not a SPIR-V module: a variable without type".into());
+    };
+    let (_, ty) = index.pointer(pointer)?;
+    if let Some(built_in) = index.built_in(id, None) {
+        return Ok(Variable::BuiltIn(built_in));
+    }
+    if index.op(ty)? == Op::TypeStruct && index.built_in(ty, Some(0)).is_some() {
+        let members = 0..index.def(ty)?.operands.len() as u32;
+        let block: Option<Vec<_>> = members.map(|m| index.built_in(ty, Some(m))).collect();
+        let mixed = "a block that mixes built-ins with user variables";
+        return block.map(Variable::BuiltInBlock).ok_or_else(|| mixed.into());
+    }
+    if index.has(id, Decoration::PerVertexKHR) {
+        return Err("inputs per vertex (pervertexEXT)".into());
+    }
+    if index.literal(id, Decoration::Index).unwrap_or(0) != 0 {
+        return Err("outputs for dual-source blending (index = 1)".into());
+    }
+    let mut flatten =
+        Flatten { index, specialization, variable: id, path: Vec::new(), leaves: Vec::new() };
+    let component = index.literal(id, Decoration::Component).unwrap_or(0);
+    let interpolation = interpolation(|d| index.has(id, d)).unwrap_or(Interpolation::Smooth);
+    let location = index.literal(id, Decoration::Location);
+    let located = location.is_some() || index.member_literal(ty, 0, Decoration::Location).is_some();
+    if !located {
+        return Err("an `in` or `out` variable without a location".into());
+    }
+    flatten.walk(ty, location.unwrap_or(0), component, interpolation)?;
+    Ok(Variable::Leaves(flatten.leaves))
+}
+
+fn interpolation(has: impl Fn(Decoration) -> bool) -> Option<Interpolation> {
+    if has(Decoration::Flat) {
+        Some(Interpolation::Flat)
+    } else if has(Decoration::NoPerspective) {
+        Some(Interpolation::NoPerspective)
+    } else {
+        None
+    }
+}
+
+struct Flatten<'i, 'm> {
+    index: &'i Index<'m>,
+    specialization: Specialization<'i>,
+    variable: Word,
+    path: Vec<u32>,
+    leaves: Vec<Leaf>,
+}
+
+impl Flatten<'_, '_> {
+    /// Adds the leaves of a value of type `ty` at `location`; returns the locations it takes.
+    fn walk(
+        &mut self,
+        ty: Word,
+        location: u32,
+        component: u32,
+        interpolation: Interpolation,
+    ) -> Outcome<u32> {
+        // No device has as many locations; the limit keeps a hostile module from filling memory.
+        if self.leaves.len() >= 256 || location >= 256 {
+            return Err("more than 256 locations".into());
+        }
+        let index = self.index;
+        match index.op(ty)? {
+            Op::TypeFloat | Op::TypeInt | Op::TypeVector | Op::TypeBool => {
+                let (scalar, count) = leaf_type(index, ty)?;
+                if component + count > 4 {
+                    return Err(
+                        "a variable that reaches beyond its location's four components".into()
+                    );
+                }
+                let interpolation =
+                    if scalar == Scalar::Float { interpolation } else { Interpolation::Flat };
+                let varying = Varying { location, component, count, scalar, interpolation };
+                let (variable, path) = (self.variable, self.path.clone());
+                self.leaves.push(Leaf { variable, path, ty, varying });
+                Ok(1)
+            }
+            Op::TypeMatrix | Op::TypeArray => {
+                let element = index.id_operand(ty, 0)?;
+                let count = match index.op(ty)? {
+                    Op::TypeMatrix => index.number(ty, 1)?,
+                    _ => length(index, index.id_operand(ty, 1)?, self.specialization)?,
+                };
+                let mut used = 0;
+                for n in 0..count {
+                    self.path.push(n);
+                    used += self.walk(element, location + used, component, interpolation)?;
+                    self.path.pop();
+                }
+                Ok(used)
+            }
+            Op::TypeStruct => {
+                let mut next = location;
+                for (n, member) in ids(index.def(ty)?).enumerate() {
+                    let n = n as u32;
+                    if index.member_has(ty, n, Decoration::PerVertexKHR) {
+                        return Err("inputs per vertex (pervertexEXT)".into());
+                    }
+                    let at = |decoration| index.member_literal(ty, n, decoration);
+                    next = at(Decoration::Location).unwrap_or(next);
+                    let component = at(Decoration::Component).unwrap_or(0);
+                    let own = self::interpolation(|d| index.member_has(ty, n, d));
+                    self.path.push(n);
+                    next += self.walk(member, next, component, own.unwrap_or(interpolation))?;
+                    self.path.pop();
+                }
+                Ok(next - location)
+            }
+            other => Err(format!("an `in` or `out` variable of Op{other:?}")),
+        }
+    }
+}
+
+/// Component kind and count of a scalar or vector that may cross between stages.
+pub(super) fn leaf_type(index: &Index, ty: Word) -> Outcome<(Scalar, u32)> {
+    let (scalar, count) = match index.op(ty)? {
+        Op::TypeVector => (index.id_operand(ty, 0)?, index.number(ty, 1)?),
+        _ => (ty, 1),
+    };
+    let kind = match index.op(scalar)? {
+        Op::TypeFloat => Scalar::Float,
+        Op::TypeInt if index.number(scalar, 1)? == 1 => Scalar::Int,
+        Op::TypeInt => Scalar::Uint,
+        other => return Err(format!("an `in` or `out` variable of Op{other:?}")),
+    };
+    match index.number(scalar, 0)? {
+        32 => Ok((kind, count)),
+        bits => Err(format!("`in` and `out` variables of {bits} bits")),
+    }
+}
+
+/// The length of an array.
+pub(super) fn length(index: &Index, id: Word, specialization: Specialization) -> Outcome<u32> {
+    let chosen = index
+        .literal(id, Decoration::SpecId)
+        .and_then(|spec| specialization.iter().find(|&&(id, _)| id == spec))
+        .map(|&(_, value)| value);
+    chosen.map_or_else(|| index.constant(id), Ok)
+}
+
+/// Whether the storage class is that of varyings and built-ins.
+pub(super) fn is_interface(class: StorageClass) -> bool {
+    matches!(class, StorageClass::Input | StorageClass::Output)
+}
