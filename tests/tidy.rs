@@ -1,0 +1,344 @@
+//! Is the house in order? The rules that no compiler checks, each a test that names the file and line.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+/// Lines of a Rust file. Past this a file holds two ideas.
+const SOURCE_LINES: usize = 500;
+/// Lines of a kernel, a step or a scene shader: it is read beside its contract, on one screen or two.
+const SHADER_LINES: usize = 200;
+/// Files of `src/compute/` and `src/reference/` that are no stages, each with what it is instead.
+const NOT_STAGES: &[(&str, &str)] = &[("mod", "the order of the stages")];
+
+struct File {
+    /// Relative to the checkout, with `/`.
+    path: String,
+    text: String,
+}
+
+impl File {
+    /// The lines that hold code, with their numbers: comments of Rust, GLSL, TOML and shell are left out.
+    fn code(&self) -> impl Iterator<Item = (usize, &str)> {
+        let hash = !self.path.ends_with(".rs") && !is_shader(&self.path);
+        let comment = if hash { "#" } else { "//" };
+        self.lines().filter(move |(_, line)| !line.trim_start().starts_with(comment))
+    }
+
+    fn lines(&self) -> impl Iterator<Item = (usize, &str)> {
+        self.text.lines().enumerate().map(|(at, line)| (at + 1, line))
+    }
+
+    fn is_in(&self, folder: &str) -> bool {
+        self.path.starts_with(folder)
+    }
+}
+
+fn is_shader(path: &str) -> bool {
+    [".comp", ".glsl", ".vert", ".frag"].iter().any(|end| path.ends_with(end))
+}
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every text file of the project, read through the folders it consists of: what lies beside them (build
+/// output, pictures) is not ours to judge.
+fn files() -> Vec<File> {
+    fn walk(path: &Path, into: &mut Vec<File>) {
+        if path.is_dir() {
+            let mut entries: Vec<_> =
+                fs::read_dir(path).unwrap().map(|e| e.unwrap().path()).collect();
+            entries.sort();
+            entries.iter().for_each(|entry| walk(entry, into));
+        } else if let Ok(text) = fs::read_to_string(path) {
+            let path = path.strip_prefix(root()).unwrap().to_string_lossy().replace('\\', "/");
+            into.push(File { path, text });
+        }
+    }
+    let mut found = Vec::new();
+    let parts = [
+        "src",
+        "glsl",
+        "tests",
+        "benches",
+        "examples",
+        "scripts",
+        "docs",
+        ".ci",
+        "demo",
+        "check",
+        "Cargo.toml",
+        "README.md",
+        "deny.toml",
+    ];
+    parts
+        .iter()
+        .map(|part| root().join(part))
+        .filter(|p| p.exists())
+        .for_each(|p| walk(&p, &mut found));
+    found
+}
+
+fn report(rule: &str, faults: &[String]) {
+    assert!(faults.is_empty(), "{rule}\n  {}", faults.join("\n  "));
+}
+
+/// Lines of `file` that hold one of `words` as a whole word.
+fn holding<'a>(
+    lines: impl Iterator<Item = (usize, &'a str)>,
+    path: &str,
+    words: &[&str],
+) -> Vec<String> {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let mut faults = Vec::new();
+    for (number, line) in lines {
+        for word in words {
+            let whole = line.match_indices(word).any(|(at, _)| {
+                !line[..at].ends_with(is_word)
+                    && !(word.ends_with(is_word) && line[at + word.len()..].starts_with(is_word))
+            });
+            if whole {
+                faults.push(format!("{path}:{number}: {}", line.trim()));
+            }
+        }
+    }
+    faults
+}
+
+#[test]
+fn words_are_found_whole() {
+    let text = "use ash::vk;\nhash::map();\nunsafe { x() }\nlet unsafely = 1;\n// an unsafe remark";
+    let file = File { path: "x.rs".into(), text: text.into() };
+    let found = holding(file.code(), &file.path, &["ash::", "unsafe"]);
+    assert_eq!(found, ["x.rs:1: use ash::vk;", "x.rs:3: unsafe { x() }"]);
+}
+
+#[test]
+fn only_vk_and_classic_know_vulkan_and_hold_unsafe_code() {
+    let mut faults = Vec::new();
+    for file in files() {
+        let home = file.is_in("src/vk/") || file.is_in("src/classic/");
+        let rust = file.path.ends_with(".rs") && file.path != "tests/tidy.rs";
+        if rust && !home {
+            faults.extend(holding(file.code(), &file.path, &["ash::", "unsafe", "gpu_allocator"]));
+        }
+    }
+    report("Vulkan and unsafe code live in src/vk and src/classic alone:", &faults);
+}
+
+#[test]
+fn the_reference_knows_nothing_of_the_device() {
+    let mut faults = Vec::new();
+    for file in files().iter().filter(|file| file.is_in("src/reference/")) {
+        let words = ["crate::vk", "crate::compute", "crate::classic"];
+        faults.extend(holding(file.code(), &file.path, &words));
+    }
+    report("src/reference says what is right without asking the device:", &faults);
+}
+
+#[test]
+fn a_stage_is_three_files_with_one_name() {
+    let files = files();
+    let stems = |folder: &str, end: &str| -> Vec<String> {
+        let stem = |file: &File| {
+            let name = file.path.strip_prefix(folder)?.strip_suffix(end)?;
+            (!name.contains('/')).then(|| name.to_owned())
+        };
+        files.iter().filter_map(stem).collect()
+    };
+    let stages = |folder: &str| -> Vec<String> {
+        let is_stage = |stem: &String| NOT_STAGES.iter().all(|(name, _)| name != stem);
+        stems(folder, ".rs").into_iter().filter(is_stage).collect()
+    };
+    // A stage of several steps numbers them behind its name: `binning_scan.comp`.
+    let kernels = stems("glsl/", ".comp");
+    let of = |kernel: &str, stage: &str| {
+        kernel.strip_prefix(stage).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+    };
+    let (recorded, references) = (stages("src/compute/"), stages("src/reference/"));
+    let mut faults = Vec::new();
+    for stage in &recorded {
+        if !kernels.iter().any(|kernel| of(kernel, stage)) {
+            faults.push(format!("src/compute/{stage}.rs has no glsl/{stage}.comp"));
+        }
+        if !references.contains(stage) {
+            faults.push(format!("src/compute/{stage}.rs has no src/reference/{stage}.rs"));
+        }
+    }
+    for kernel in kernels.iter().filter(|kernel| *kernel != "abi") {
+        if !recorded.is_empty() && !recorded.iter().any(|stage| of(kernel, stage)) {
+            faults.push(format!("no stage of src/compute records glsl/{kernel}.comp"));
+        }
+    }
+    report("a stage is its recorder, its kernel and its reference:", &faults);
+}
+
+#[test]
+fn a_kernel_opens_with_its_contract() {
+    let mut faults = Vec::new();
+    for file in
+        files().iter().filter(|file| file.path.ends_with(".comp") && file.path != "glsl/abi.comp")
+    {
+        let opening: Vec<&str> =
+            file.text.lines().take_while(|line| line.starts_with("//")).collect();
+        for heading in ["Reads:", "Writes:", "Contract:", "Kernel / Twin:"] {
+            if !opening.iter().any(|line| line.trim_start_matches('/').trim().starts_with(heading))
+            {
+                faults.push(format!("{} has no line `{heading}`", file.path));
+            }
+        }
+    }
+    report("a kernel opens with what it reads, writes and promises:", &faults);
+}
+
+#[test]
+fn steps_declare_no_buffers() {
+    let mut faults = Vec::new();
+    for file in files().iter().filter(|file| file.is_in("glsl/lib/")) {
+        faults.extend(holding(file.code(), &file.path, &["buffer", "uniform", "binding"]));
+    }
+    report("glsl/lib is arithmetic; kernels declare the buffers:", &faults);
+}
+
+#[test]
+fn files_stay_short() {
+    let mut faults = Vec::new();
+    for file in files() {
+        let limit = match file.path.rsplit('.').next() {
+            Some("rs") => SOURCE_LINES,
+            _ if is_shader(&file.path) => SHADER_LINES,
+            _ => continue,
+        };
+        let lines = file.text.lines().count();
+        if lines > limit {
+            faults.push(format!("{}: {lines} lines, {limit} at most", file.path));
+        }
+    }
+    report("a file that outgrows its limit is two files:", &faults);
+}
+
+#[test]
+fn nothing_is_left_lying_about() {
+    // Spelled so that this list does not find itself.
+    let words = ["TO_DO", "FIX_ME", "XX_X", "to_do!", "db_g!", "unimple_mented!"]
+        .map(|w| w.replacen('_', "", 1));
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let mut faults = Vec::new();
+    for file in files() {
+        faults.extend(holding(file.lines(), &file.path, &words));
+        if file.path == "tests/tidy.rs" {
+            continue;
+        }
+        for (number, line) in file.lines() {
+            let lower = line.to_lowercase();
+            let fault = if line.contains("#[ignore") {
+                "a test that does not run"
+            } else if lower.contains("in sync with") || lower.contains("keep in sync") {
+                "two homes of one fact: let the compiler or a test compare them"
+            } else {
+                continue;
+            };
+            faults.push(format!("{}:{number}: {fault}: {}", file.path, line.trim()));
+        }
+    }
+    report("work that is not done belongs in an issue:", &faults);
+}
+
+#[test]
+fn no_path_of_one_machine() {
+    let mut faults = Vec::new();
+    for file in files().iter().filter(|file| file.path != "tests/tidy.rs") {
+        for (number, line) in file.lines() {
+            let elsewhere = line.contains("../shared") && file.path != ".ci/run";
+            if elsewhere || ["/work/", "/root/", "/home/", "/tmp/"].iter().any(|p| line.contains(p))
+            {
+                faults.push(format!("{}:{number}: {}", file.path, line.trim()));
+            }
+        }
+    }
+    report("paths come from the environment or the command line:", &faults);
+}
+
+#[test]
+fn every_dependency_says_why() {
+    let manifest = fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    let (mut in_dependencies, mut commented, mut open_brackets) = (false, false, 0);
+    let mut faults = Vec::new();
+    for line in manifest.lines() {
+        let inside_value = open_brackets > 0;
+        let count = |c| line.matches(c).count() as i32;
+        open_brackets += count('[') + count('{') - count(']') - count('}');
+        if inside_value {
+            continue;
+        }
+        if line.starts_with('[') {
+            in_dependencies = line.trim_end_matches(']').ends_with("dependencies");
+        } else if in_dependencies && line.contains('=') && !line.starts_with('#') && !commented {
+            faults.push(line.to_owned());
+        }
+        commented = line.starts_with('#');
+    }
+    report("a dependency without a reason above it:", &faults);
+}
+
+#[test]
+fn every_module_of_the_suite_runs() {
+    let main = fs::read_to_string(root().join("tests/main.rs")).unwrap();
+    let mut faults = Vec::new();
+    for file in files() {
+        let Some(name) = file.path.strip_prefix("tests/") else { continue };
+        let Some((module, rest)) = name.split_once('/').or(name.split_once('.')) else { continue };
+        let is_module = rest == "rs" || rest == "mod.rs";
+        if is_module && module != "main" && !main.contains(&format!("mod {module};")) {
+            faults.push(format!("{} is not in tests/main.rs: it never runs", file.path));
+        }
+    }
+    report("one binary, every module in it:", &faults);
+}
+
+/// Commands are what a reader copies: each script must be there, each verb and each option known.
+#[test]
+fn the_readme_shows_commands_that_exist() {
+    let Ok(readme) = fs::read_to_string(root().join("README.md")) else {
+        panic!("README.md is missing");
+    };
+    let (mut in_shell, mut seen, mut faults) = (false, 0, Vec::new());
+    for line in readme.lines() {
+        if let Some(language) = line.strip_prefix("```") {
+            in_shell = language == "sh";
+            continue;
+        }
+        let words: Vec<&str> =
+            line.split_whitespace().take_while(|word| !word.starts_with('#')).collect();
+        let Some(first) = words.first().filter(|_| in_shell) else { continue };
+        seen += 1;
+        if let Some(script) = first.strip_prefix("./") {
+            if !root().join(script).is_file() {
+                faults.push(format!("there is no {first}"));
+            }
+        } else if *first == "tilewright" {
+            // The verb and its sub-verb: everything before the first operand or option.
+            let is_verb = |word: &&&str| word.chars().all(|c| c.is_ascii_lowercase());
+            let verbs: Vec<&str> = words[1..].iter().take_while(is_verb).take(2).copied().collect();
+            let output = Command::new(env!("CARGO_BIN_EXE_tilewright"))
+                .args(&verbs)
+                .arg("--help")
+                .output()
+                .unwrap();
+            let help = String::from_utf8_lossy(&output.stdout);
+            if !output.status.success() {
+                faults.push(format!("`{line}`: tilewright {} --help fails", verbs.join(" ")));
+            }
+            for option in words.iter().filter(|word| word.starts_with('-') && word.len() > 1) {
+                if !help.contains(option.split('=').next().unwrap_or(option)) {
+                    faults.push(format!("`{line}`: {option} is not in the help"));
+                }
+            }
+        }
+    }
+    assert!(seen > 0, "README.md has no ```sh block");
+    report("README.md shows what is not there:", &faults);
+}
