@@ -1,6 +1,12 @@
 //! Pictures in host memory: what executors return and textures are made of.
 
-use crate::format::Format;
+pub mod png;
+
+use crate::{
+    error::{Error, Result},
+    format::Format,
+};
+use std::borrow::Cow;
 
 /// Width and height in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -57,5 +63,86 @@ impl Image {
     pub fn depths(&self) -> Vec<f32> {
         assert_eq!(self.format, Format::D32Float, "only a depth image holds depths");
         bytemuck::pod_collect_to_vec(&self.bytes)
+    }
+
+    /// The picture as a screen shows it: four bytes a pixel, RGB as sRGB, alpha linear.
+    ///
+    /// 8-bit formats are taken as they are, also [`Format::Rgba8Unorm`], whose shaders chose their
+    /// own encoding; linear half floats are clamped to 0..=1, encoded and rounded.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a depth image, which has no colours.
+    pub fn display_rgba8(&self) -> Result<Cow<'_, [u8]>> {
+        match self.format {
+            Format::Rgba8Unorm | Format::Rgba8Srgb => Ok(Cow::Borrowed(&self.bytes)),
+            Format::Rgba16Float => Ok(Cow::Owned(
+                self.bytes
+                    .chunks_exact(2)
+                    .enumerate()
+                    .map(|(i, half)| {
+                        let linear = half_to_f32(u16::from_ne_bytes([half[0], half[1]]));
+                        if i % 4 == 3 { to_unorm8(linear) } else { to_unorm8(srgb_encoded(linear)) }
+                    })
+                    .collect(),
+            )),
+            Format::D32Float => {
+                Err(Error::Usage("a depth image cannot be shown as a picture".into()))
+            }
+        }
+    }
+}
+
+/// A half float's value; exact, because every half is a float.
+pub fn half_to_f32(half: u16) -> f32 {
+    let sign = if half & 0x8000 == 0 { 1.0 } else { -1.0 };
+    let exponent = i32::from(half >> 10 & 0x1f);
+    let mantissa = f32::from(half & 0x3ff);
+    match exponent {
+        0 => sign * mantissa * 2f32.powi(-24),
+        31 if mantissa == 0.0 => sign * f32::INFINITY,
+        31 => f32::NAN,
+        _ => sign * (1024.0 + mantissa) * 2f32.powi(exponent - 25),
+    }
+}
+
+fn srgb_encoded(linear: f32) -> f32 {
+    let linear = f64::from(linear.clamp(0.0, 1.0));
+    let encoded =
+        if linear <= 0.0031308 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    encoded as f32
+}
+
+/// Rounds to the nearest of 0..=255; not-a-number becomes 0, as the specification of UNORM says.
+fn to_unorm8(value: f32) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_convert_exactly() {
+        for (half, value) in [
+            (0x0000, 0.0),
+            (0x0001, 2f32.powi(-24)),
+            (0x03ff, 1023.0 * 2f32.powi(-24)),
+            (0x0400, 2f32.powi(-14)),
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x7bff, 65504.0),
+            (0x7c00, f32::INFINITY),
+        ] {
+            assert_eq!(half_to_f32(half), value, "{half:#06x}");
+        }
+        assert!(half_to_f32(0x7e00).is_nan());
+    }
+
+    #[test]
+    fn half_floats_are_shown_as_srgb() {
+        let mut image = Image::zeroed(Extent::new(1, 1), Format::Rgba16Float);
+        let halves: [u16; 4] = [0x3c00, 0x3800, 0x7e00, 0x3800]; // 1, 0.5, NaN, 0.5
+        image.bytes = halves.iter().flat_map(|half| half.to_ne_bytes()).collect();
+        assert_eq!(image.display_rgba8().unwrap().as_ref(), &[255, 188, 0, 128]);
     }
 }

@@ -1,6 +1,8 @@
 //! The GPU's graphics pipeline, rebuilt as Vulkan compute kernels.
 #![warn(missing_docs)]
 
+pub mod cli;
+pub mod compare;
 pub mod error;
 pub mod format;
 pub mod image;

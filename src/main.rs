@@ -1,1 +1,7 @@
-fn main() {}
+//! The command-line tool; all of it is in [`tilewright::cli`].
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    tilewright::cli::run()
+}

@@ -1,0 +1,288 @@
+//! What was typed: the command line as clap reads it, and the help it shows.
+//!
+//! Nothing here decides anything: values are parsed one by one, each with a message that says what
+//! is expected. What they mean together is the second layer's business ([`super::plan`]).
+
+use crate::image::Extent;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(
+    name = "tilewright",
+    version,
+    about = "The GPU's graphics pipeline, rebuilt as Vulkan compute kernels",
+    after_help = EXIT_CODES,
+    disable_help_subcommand = true
+)]
+pub struct Typed {
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done
+  1  the pictures differ
+  2  the command line makes no sense
+  3  no suitable device
+  4  a file cannot be read or written
+  5  the device was lost or did not answer in time
+  6  something does not fit into memory or into a limit
+
+Example:
+  tilewright render builtin:teapot -o teapot.png";
+
+/// The verbs.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Draw a scene into a PNG file
+    #[command(after_help = "\
+Examples:
+  tilewright render scene.glb -o out.png
+  tilewright render builtin:teapot --size 640x480 --background 00000000 -o - > teapot.png
+  tilewright render room.obj --eye=-10,3,0 --target 0,4,0 --fov 60 --stats room.json -o room.png")]
+    Render(RenderArgs),
+    /// Draw a scene with compute kernels and with the device's own pipeline, and compare
+    #[command(after_help = "\
+Prints pixels, coverage_differing, winner_differing, colour_over_1, colour_max and depth_max. The
+limits are narrower for a scene of which no triangle crosses the border of the picture.
+
+Examples:
+  tilewright parity scene.glb
+  tilewright parity builtin:teapot --size 800x600 --json --diff differences.png")]
+    Parity(ParityArgs),
+    /// Check what the splicer makes of shaders
+    #[command(after_help = "\
+Example:
+  tilewright conform shaders my/shaders --json")]
+    Conform(ConformArgs),
+    /// List the Vulkan devices and whether they can be used
+    #[command(after_help = "\
+Example:
+  tilewright devices
+  TILEWRIGHT_DEVICE=llvmpipe tilewright render builtin:teapot -o teapot.png")]
+    Devices(JsonArgs),
+    /// Say what is there, what is missing and how to fix it
+    #[command(after_help = "\
+Example:
+  tilewright doctor")]
+    Doctor(JsonArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Where the PNG goes; `-` is standard output
+    #[arg(short, long, value_name = "OUT.png")]
+    pub output: PathBuf,
+    /// What draws
+    #[arg(long, value_enum, default_value_t = Backend::Compute)]
+    pub backend: Backend,
+    /// Write times, counts and the device as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub stats: Option<PathBuf>,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct ParityArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Print one flat JSON object instead of a table
+    #[arg(long)]
+    pub json: bool,
+    /// Write a picture that shows where the two differ
+    #[arg(long, value_name = "OUT.png")]
+    pub diff: Option<PathBuf>,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct ConformArgs {
+    #[command(subcommand)]
+    pub subject: ConformSubject,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum ConformSubject {
+    /// Compile, splice and validate every .vert and .frag under a folder
+    Shaders(ConformShadersArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct ConformShadersArgs {
+    /// The folder; searched to any depth
+    pub dir: PathBuf,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct JsonArgs {
+    /// Print JSON instead of text
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Which scene, and how it is looked at.
+#[derive(Debug, Args)]
+pub struct SceneArgs {
+    /// A .gltf, .glb or .obj file, or `builtin:NAME`
+    #[arg(value_name = "SCENE")]
+    pub scene: String,
+    /// Pixels across and down, each 1 to 16384
+    #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size)]
+    pub size: Extent,
+    /// A camera of the file, by name or number [default: the first; without one, frame the scene]
+    #[arg(long, value_name = "NAME|INDEX", conflicts_with_all = ["eye", "target", "up"])]
+    pub camera: Option<String>,
+    /// Where to look from
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vec3, requires = "target", allow_hyphen_values = true)]
+    pub eye: Option<Vec3>,
+    /// What to look at
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vec3, requires = "eye", allow_hyphen_values = true)]
+    pub target: Option<Vec3>,
+    /// Which way is up [default: 0,1,0]
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vec3, requires = "eye", allow_hyphen_values = true)]
+    pub up: Option<Vec3>,
+    /// Vertical field of view [default: the camera's, or 45]
+    #[arg(long, value_name = "DEGREES", value_parser = parse_fov)]
+    pub fov: Option<f32>,
+    /// Colour behind everything, as sRGB [default: the scene's]
+    #[arg(long, value_name = "RRGGBB[AA]", value_parser = parse_background)]
+    pub background: Option<[u8; 4]>,
+    /// Time at which animations are evaluated [default: the rest pose]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_time)]
+    pub time: Option<f32>,
+}
+
+/// Which device. There is no fall-back: what is asked for is used, or the run ends with code 3.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Device")]
+pub struct DeviceArgs {
+    /// Index, UUID or name pattern, as `tilewright devices` lists them
+    #[arg(long, value_name = "DEVICE", env = "TILEWRIGHT_DEVICE", hide_env_values = true)]
+    pub device: Option<String>,
+    /// Refuse to run on anything but a GPU
+    #[arg(long, conflicts_with = "require_cpu")]
+    pub require_gpu: bool,
+    /// Refuse to run on anything but a driver for the host's processor
+    #[arg(long)]
+    pub require_cpu: bool,
+}
+
+/// What draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// Compute kernels
+    Compute,
+    /// The device's own graphics pipeline
+    Classic,
+}
+
+/// Three numbers. A type of its own, because clap reads a `[f32; 3]` as three values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vec3(pub [f32; 3]);
+
+/// Pixels in each direction that a [`Pass`](crate::pass::Pass) can have.
+const MAX_SIDE_PX: u32 = 16384;
+
+fn parse_size(text: &str) -> Result<Extent, String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE_PX).contains(side));
+    text.split_once(['x', 'X'])
+        .and_then(|(width, height)| Some(Extent::new(side(width)?, side(height)?)))
+        .ok_or_else(|| format!("expected WxH, each 1 to {MAX_SIDE_PX}, like 1920x1080"))
+}
+
+fn parse_vec3(text: &str) -> Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(parse_finite).collect();
+    numbers
+        .and_then(|numbers| numbers.try_into().ok())
+        .map(Vec3)
+        .ok_or_else(|| "expected three numbers X,Y,Z, like 0,1.5,-4".into())
+}
+
+fn parse_fov(text: &str) -> Result<f32, String> {
+    parse_finite(text)
+        .filter(|&degrees| degrees > 0.0 && degrees < 180.0)
+        .ok_or_else(|| "expected degrees between 0 and 180, like 60".into())
+}
+
+fn parse_time(text: &str) -> Result<f32, String> {
+    parse_finite(text)
+        .filter(|&seconds| seconds >= 0.0)
+        .ok_or_else(|| "expected seconds, 0 or more, like 1.5".into())
+}
+
+fn parse_finite(text: &str) -> Option<f32> {
+    text.trim().parse().ok().filter(|number: &f32| number.is_finite())
+}
+
+fn parse_background(text: &str) -> Result<[u8; 4], String> {
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    let value =
+        digits.bytes().all(|b| b.is_ascii_hexdigit()).then(|| u32::from_str_radix(digits, 16));
+    match (digits.len(), value) {
+        (6, Some(Ok(rgb))) => Ok((rgb << 8 | 0xff).to_be_bytes()),
+        (8, Some(Ok(rgba))) => Ok(rgba.to_be_bytes()),
+        _ => Err("expected six or eight hexadecimal digits, like 336699 or 33669980".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent_and_every_verb_has_an_example() {
+        let mut command = Typed::command();
+        command.build();
+        command.clone().debug_assert();
+        for verb in command.get_subcommands() {
+            let help = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(
+                help.contains(&format!("tilewright {}", verb.get_name())),
+                "{}",
+                verb.get_name()
+            );
+        }
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!(parse_size("17x13"), Ok(Extent::new(17, 13)));
+        assert_eq!(parse_size("16384X1"), Ok(Extent::new(16384, 1)));
+        for wrong in ["", "x", "0x1", "1x0", "16385x1", "-1x1", "1920", "1x1x1", "1.5x1"] {
+            assert!(parse_size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn vectors_and_numbers() {
+        assert_eq!(parse_vec3("-10, 3,0.5"), Ok(Vec3([-10.0, 3.0, 0.5])));
+        for wrong in ["", "1,2", "1,2,3,4", "1,2,nan", "inf,0,0", "a,b,c"] {
+            assert!(parse_vec3(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(parse_fov("60"), Ok(60.0));
+        assert!(parse_fov("0").is_err() && parse_fov("180").is_err());
+        assert!(parse_time("0").is_ok() && parse_time("-1").is_err() && parse_time("inf").is_err());
+    }
+
+    #[test]
+    fn backgrounds() {
+        assert_eq!(parse_background("336699"), Ok([0x33, 0x66, 0x99, 0xff]));
+        assert_eq!(parse_background("#33669980"), Ok([0x33, 0x66, 0x99, 0x80]));
+        for wrong in ["", "369", "33669", "xx6699", "+36699", "3366998"] {
+            assert!(parse_background(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! The command-line tool, in two layers: what was typed, and what will be done.
+//!
+//! | file | concept |
+//! |---|---|
+//! | `args` | what was typed: flags, their values, the help |
+//! | `plan` | what will be done: every check that needs no device, before any work |
+//! | `render`, `parity`, `conform`, `devices`, `doctor` | the verbs |
+//! | `device` | opening the device that was asked for, and saying which one it is |
+//! | `output` | files that appear whole or not at all; standard output |
+//! | `talk` | all that is said on standard error |
+//! | `exit` | the exit codes |
+//!
+//! Data goes to standard output, talk to standard error. A run that can fail early fails early: the
+//! command line is checked first, then the outputs, then the device, and only then is a scene read.
+
+mod args;
+mod exit;
+mod output;
+mod plan;
+mod talk;
+
+use crate::error::Result;
+use args::{Typed, Verb};
+use clap::Parser;
+use exit::Outcome;
+use std::process::ExitCode;
+
+/// Runs the tool on the process's arguments.
+pub fn run() -> ExitCode {
+    talk::install();
+    // The hook has said what happened; unwinding ends here, so that nothing else is printed.
+    std::panic::catch_unwind(|| match Typed::try_parse() {
+        Ok(typed) => finish(dispatch(typed.verb)),
+        Err(message) => {
+            // Help goes to standard output, a fault to standard error; neither can fail the run.
+            let _ = message.print();
+            ExitCode::from(if message.use_stderr() { exit::USAGE } else { 0 })
+        }
+    })
+    .unwrap_or(ExitCode::from(exit::INTERNAL))
+}
+
+fn dispatch(verb: Verb) -> Result<Outcome> {
+    match verb {
+        Verb::Render(args) => todo!("{args:?}"),
+        Verb::Parity(args) => todo!("{args:?}"),
+        Verb::Conform(args) => todo!("{args:?}"),
+        Verb::Devices(args) => todo!("{args:?}"),
+        Verb::Doctor(args) => todo!("{args:?}"),
+    }
+}
+
+fn finish(result: Result<Outcome>) -> ExitCode {
+    match result {
+        Ok(outcome) => outcome.into(),
+        Err(error) => {
+            talk::line(format_args!("tilewright: {error}"));
+            ExitCode::from(exit::code(&error))
+        }
+    }
+}

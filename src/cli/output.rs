@@ -1,0 +1,237 @@
+//! Where results go: files that appear whole or not at all, and standard output.
+//!
+//! An [`Output`] is made before any work is done, and making it proves that it can be written: a
+//! render of minutes must not end with "permission denied". The bytes go to a temporary file beside
+//! the target, which is then renamed over it, so that a reader never sees half a picture and a
+//! failed run leaves the old one as it was.
+
+use crate::error::{Error, Result};
+use std::{
+    fs,
+    io::{self, IsTerminal, Write},
+    path::{Path, PathBuf},
+};
+use tempfile::NamedTempFile;
+
+/// A place that was found to be writable.
+#[derive(Debug)]
+pub struct Output(Place);
+
+#[derive(Debug)]
+enum Place {
+    /// Standard output.
+    Stdout,
+    /// A regular file, there or not yet; symbolic links are followed.
+    File(PathBuf),
+    /// A pipe or device node, which is written to and not replaced.
+    Special(PathBuf),
+}
+
+impl Output {
+    /// The file at `path`, or standard output for `-`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if binary data would go to a terminal; [`Error::Io`] if nothing can be
+    /// written there.
+    pub fn new(path: &Path) -> Result<Self> {
+        if path == Path::new("-") {
+            if io::stdout().is_terminal() {
+                return Err(Error::Usage(
+                    "`-o -` writes a PNG to standard output, which is a terminal: redirect it to a \
+                     file or a pipe"
+                        .into(),
+                ));
+            }
+            return Ok(Self(Place::Stdout));
+        }
+        let refuse = |reason: &str| Error::Io {
+            path: path.into(),
+            source: io::Error::other(format!("cannot be written: {reason}")),
+        };
+        if path.as_os_str().is_empty() {
+            return Err(Error::Usage("the name of the output file is empty".into()));
+        }
+        match fs::metadata(path) {
+            Ok(found) if found.is_dir() => Err(refuse("it is a folder")),
+            Ok(found) if found.is_file() => {
+                let target = fs::canonicalize(path).map_err(|e| refuse(&e.to_string()))?;
+                Self::probed(target).map_err(|e| refuse(&e.to_string()))
+            }
+            Ok(_) => Ok(Self(Place::Special(path.into()))),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {
+                let folder = folder(path);
+                if !folder.is_dir() {
+                    return Err(refuse(&format!("there is no folder {}", folder.display())));
+                }
+                Self::probed(path.into()).map_err(|e| refuse(&e.to_string()))
+            }
+            Err(e) => Err(refuse(&e.to_string())),
+        }
+    }
+
+    /// A file whose folder takes a temporary file. The file is removed at once, not kept for later:
+    /// an interrupted run must leave nothing behind.
+    fn probed(target: PathBuf) -> io::Result<Self> {
+        temporary(&target)?.close()?;
+        Ok(Self(Place::File(target)))
+    }
+
+    /// Whether this is standard output.
+    pub fn is_stdout(&self) -> bool {
+        matches!(self.0, Place::Stdout)
+    }
+
+    /// Whether writing this would replace `path`.
+    pub fn replaces(&self, path: &Path) -> bool {
+        match &self.0 {
+            Place::File(target) => match (fs::canonicalize(target), fs::canonicalize(path)) {
+                (Ok(target), Ok(path)) => target == path,
+                // Neither exists yet: the same name is the same file.
+                _ => target == path,
+            },
+            Place::Stdout | Place::Special(_) => false,
+        }
+    }
+
+    /// Whether writing this would replace what `other` writes.
+    pub fn collides(&self, other: &Output) -> bool {
+        match &other.0 {
+            Place::File(target) => self.replaces(target),
+            Place::Stdout => self.is_stdout(),
+            Place::Special(_) => false,
+        }
+    }
+
+    /// Writes `bytes`, all of them or nothing.
+    ///
+    /// A reader of standard output that has gone away is no error: it has had enough.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the system refuses.
+    pub fn write(&self, bytes: &[u8]) -> Result<()> {
+        match &self.0 {
+            Place::Stdout => write_stdout(bytes),
+            Place::File(target) => (|| {
+                let mut file = temporary(target)?;
+                file.write_all(bytes)?;
+                file.persist(target).map_err(|e| e.error)?;
+                Ok(())
+            })()
+            .map_err(|source| Error::Io { path: target.clone(), source }),
+            Place::Special(path) => fs::OpenOptions::new()
+                .write(true)
+                .open(path)
+                .and_then(|mut file| file.write_all(bytes))
+                .map_err(|source| Error::Io { path: path.clone(), source }),
+        }
+    }
+}
+
+/// Writes `bytes` to standard output; see [`Output::write`].
+pub fn write_stdout(bytes: &[u8]) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::Io { path: "standard output".into(), source: e })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The folder that holds `path`.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A new file beside `target`, with the permissions that `target` has or would get.
+fn temporary(target: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".tilewright-");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // What the umask leaves of it, as for any new file.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    let file = builder.tempfile_in(folder(target))?;
+    if let Ok(found) = fs::metadata(target) {
+        file.as_file().set_permissions(found.permissions())?;
+    }
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_appears_whole_and_nothing_else_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out.png");
+        let output = Output::new(&path).unwrap();
+        assert!(names(folder.path()).is_empty(), "the probe leaves nothing");
+        output.write(b"first").unwrap();
+        Output::new(&path).unwrap().write(b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(names(folder.path()), ["out.png"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_are_those_of_any_new_file_or_of_the_old_one() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        let (usual, path) = (folder.path().join("usual"), folder.path().join("out"));
+        fs::write(&usual, b"").unwrap();
+        Output::new(&path).unwrap().write(b"x").unwrap();
+        assert_eq!(mode(&path), mode(&usual));
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
+        Output::new(&path).unwrap().write(b"y").unwrap();
+        assert_eq!(mode(&path), 0o640);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_symbolic_link_stays_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        fs::write(&real, b"old").unwrap();
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        Output::new(&link).unwrap().write(b"new").unwrap();
+        assert_eq!(fs::read(&real).unwrap(), b"new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    }
+
+    #[test]
+    fn an_unwritable_place_is_refused_with_its_reason() {
+        let folder = tempfile::tempdir().unwrap();
+        let refusal = |path: &Path| Output::new(path).unwrap_err().to_string();
+        assert!(refusal(folder.path()).ends_with("cannot be written: it is a folder"));
+        let nowhere = folder.path().join("no/such/out.png");
+        assert!(refusal(&nowhere).contains("there is no folder"));
+        fs::write(folder.path().join("file"), b"").unwrap();
+        assert!(refusal(&folder.path().join("file/out.png")).contains("cannot be written"));
+    }
+
+    #[test]
+    fn the_same_file_under_two_names_collides() {
+        let folder = tempfile::tempdir().unwrap();
+        let a = Output::new(&folder.path().join("a")).unwrap();
+        let b = Output::new(&folder.path().join("b")).unwrap();
+        let again = Output::new(&folder.path().join("a")).unwrap();
+        assert!(!a.collides(&b) && a.collides(&again));
+        fs::write(folder.path().join("a"), b"").unwrap();
+        assert!(a.replaces(&folder.path().join("./a")));
+        assert!(!a.replaces(&folder.path().join("b")));
+    }
+}

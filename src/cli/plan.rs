@@ -1,0 +1,263 @@
+//! What will be done: the typed values made sense of together, before any device is touched.
+
+use super::{
+    args::{Backend, ParityArgs, RenderArgs, SceneArgs, Vec3},
+    output::Output,
+};
+use crate::{
+    error::{Error, Result},
+    image::Extent,
+};
+use std::path::{Path, PathBuf};
+
+/// Which scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SceneName {
+    /// One that the tool brings along.
+    Builtin(String),
+    /// A file that exists.
+    File(PathBuf),
+}
+
+impl std::fmt::Display for SceneName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            SceneName::Builtin(name) => write!(f, "builtin:{name}"),
+            SceneName::File(path) => write!(f, "{}", path.display()),
+        }
+    }
+}
+
+/// From where the scene is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CameraChoice {
+    /// The file's first camera, or one that frames the scene.
+    Default,
+    /// A camera of the file, by name or by number from 0.
+    Named(String),
+    /// One that was given on the command line.
+    LookAt {
+        /// Where it is.
+        eye: [f32; 3],
+        /// What it looks at.
+        target: [f32; 3],
+        /// Which way is up.
+        up: [f32; 3],
+    },
+}
+
+/// A scene and how it is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// The scene.
+    pub scene: SceneName,
+    /// Size of the picture.
+    pub extent: Extent,
+    /// The camera.
+    pub camera: CameraChoice,
+    /// Vertical field of view in degrees, if it is not the camera's own.
+    pub fov: Option<f32>,
+    /// Colour behind everything, sRGB, if it is not the scene's own.
+    pub background: Option<[u8; 4]>,
+    /// Seconds at which animations are evaluated; `None` is the rest pose.
+    pub time: Option<f32>,
+}
+
+/// `tilewright render`.
+#[derive(Debug)]
+pub struct RenderPlan {
+    /// What is drawn.
+    pub view: View,
+    /// What draws.
+    pub backend: Backend,
+    /// Where the picture goes.
+    pub picture: Output,
+    /// Where the figures go.
+    pub stats: Option<Output>,
+}
+
+/// `tilewright parity`.
+#[derive(Debug)]
+pub struct ParityPlan {
+    /// What is drawn.
+    pub view: View,
+    /// Whether figures are printed as JSON.
+    pub json: bool,
+    /// Where the difference picture goes.
+    pub difference: Option<Output>,
+}
+
+impl RenderPlan {
+    /// Checks what was typed.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], [`Error::Input`] for a scene that is not there, [`Error::Io`] for an output
+    /// that cannot be written.
+    pub fn new(args: &RenderArgs) -> Result<Self> {
+        let view = View::new(&args.scene)?;
+        let picture = Output::new(&args.output)?;
+        view.scene.keep_from(&picture)?;
+        let stats = args.stats.as_deref().map(Output::new).transpose()?;
+        if let Some(stats) = &stats {
+            view.scene.keep_from(stats)?;
+            if stats.collides(&picture) {
+                return Err(Error::Usage("the picture and --stats go to the same place".into()));
+            }
+        }
+        Ok(Self { view, backend: args.backend, picture, stats })
+    }
+}
+
+impl ParityPlan {
+    /// Checks what was typed.
+    ///
+    /// # Errors
+    /// As [`RenderPlan::new`].
+    pub fn new(args: &ParityArgs) -> Result<Self> {
+        let view = View::new(&args.scene)?;
+        let difference = args.diff.as_deref().map(Output::new).transpose()?;
+        if let Some(difference) = &difference {
+            view.scene.keep_from(difference)?;
+            if difference.is_stdout() {
+                return Err(Error::Usage(
+                    "the figures go to standard output, --diff needs a file".into(),
+                ));
+            }
+        }
+        Ok(Self { view, json: args.json, difference })
+    }
+}
+
+impl View {
+    fn new(args: &SceneArgs) -> Result<Self> {
+        let camera = match (args.eye, args.target) {
+            (Some(eye), Some(target)) => look_at(eye, target, args.up)?,
+            _ => args.camera.clone().map_or(CameraChoice::Default, CameraChoice::Named),
+        };
+        Ok(Self {
+            scene: SceneName::new(&args.scene)?,
+            extent: args.size,
+            camera,
+            fov: args.fov,
+            background: args.background,
+            time: args.time,
+        })
+    }
+}
+
+fn look_at(Vec3(eye): Vec3, Vec3(target): Vec3, up: Option<Vec3>) -> Result<CameraChoice> {
+    let up = up.map_or([0.0, 1.0, 0.0], |Vec3(up)| up);
+    let [eye_v, target_v, up_v] = [eye, target, up].map(glam::Vec3::from);
+    let forward = target_v - eye_v;
+    if forward.length_squared() == 0.0 {
+        return Err(Error::Usage("--eye and --target are the same point".into()));
+    }
+    if forward.normalize_or_zero().cross(up_v.normalize_or_zero()).length() < 1e-6 {
+        return Err(Error::Usage(
+            "the camera looks along its up direction; choose another --up, like 0,0,1".into(),
+        ));
+    }
+    Ok(CameraChoice::LookAt { eye, target, up })
+}
+
+impl SceneName {
+    fn new(typed: &str) -> Result<Self> {
+        if let Some(name) = typed.strip_prefix("builtin:") {
+            return Ok(SceneName::Builtin(name.into()));
+        }
+        let path = Path::new(typed);
+        match std::fs::metadata(path) {
+            Ok(found) if found.is_dir() => Err(Error::input(path, "this is a folder, not a scene")),
+            Ok(_) => Ok(SceneName::File(path.into())),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Error::input(
+                path,
+                "there is no such file (scenes that need none are called builtin:NAME)",
+            )),
+            Err(e) => Err(Error::input(path, e)),
+        }
+    }
+
+    /// Refuses to write over the scene.
+    fn keep_from(&self, output: &Output) -> Result<()> {
+        match self {
+            SceneName::File(path) if output.replaces(path) => Err(Error::Usage(format!(
+                "{} is the scene itself: writing there would replace it",
+                path.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::args::{Typed, Verb};
+    use clap::Parser;
+
+    fn render(line: &[&str]) -> Result<RenderPlan> {
+        let typed = Typed::try_parse_from(["tilewright", "render"].iter().chain(line))
+            .unwrap_or_else(|e| panic!("{e}"));
+        let Verb::Render(args) = typed.verb else { unreachable!() };
+        RenderPlan::new(&args)
+    }
+
+    fn folder_with(name: &str) -> (tempfile::TempDir, String) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, b"").unwrap();
+        (folder, path.to_str().unwrap().into())
+    }
+
+    #[test]
+    fn a_camera_is_the_files_or_the_given_one() {
+        let (_folder, out) = folder_with("out.png");
+        let camera = |more: &[&str]| {
+            render(&[&["builtin:teapot", "-o", &out], more].concat()).unwrap().view.camera
+        };
+        assert_eq!(camera(&[]), CameraChoice::Default);
+        assert_eq!(camera(&["--camera", "2"]), CameraChoice::Named("2".into()));
+        assert_eq!(
+            camera(&["--eye", "-1,2,3", "--target=-4,5,6"]),
+            CameraChoice::LookAt {
+                eye: [-1.0, 2.0, 3.0],
+                target: [-4.0, 5.0, 6.0],
+                up: [0.0, 1.0, 0.0]
+            }
+        );
+    }
+
+    #[test]
+    fn a_camera_without_a_direction_is_refused() {
+        let (_folder, out) = folder_with("out.png");
+        for line in
+            [&["--eye", "1,2,3", "--target", "1,2,3"], &["--eye", "0,9,0", "--target", "0,0,0"]]
+        {
+            let refused = render(&[&["builtin:teapot", "-o", &out], &line[..]].concat());
+            assert!(matches!(refused, Err(Error::Usage(_))), "{line:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_that_is_read_or_written_is_written_over() {
+        let (folder, scene) = folder_with("scene.glb");
+        let again = folder.path().join("./scene.glb");
+        let refused = render(&[&scene, "-o", again.to_str().unwrap()]).unwrap_err();
+        assert!(refused.to_string().contains("the scene itself"), "{refused}");
+        let out = folder.path().join("out.png");
+        let out = out.to_str().unwrap();
+        assert!(matches!(render(&[&scene, "-o", out, "--stats", out]), Err(Error::Usage(_))));
+        assert!(matches!(render(&[&scene, "-o", out, "--stats", &scene]), Err(Error::Usage(_))));
+    }
+
+    #[test]
+    fn a_scene_that_is_not_there_is_named() {
+        let (folder, out) = folder_with("out.png");
+        let missing = folder.path().join("missing.glb");
+        let missing = missing.to_str().unwrap();
+        let refused = render(&[missing, "-o", &out]).unwrap_err().to_string();
+        assert!(refused.starts_with(missing) && refused.contains("no such file"), "{refused}");
+        let folder = folder.path().to_str().unwrap();
+        assert!(matches!(render(&[folder, "-o", &out]), Err(Error::Input { .. })));
+    }
+}

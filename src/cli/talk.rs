@@ -1,0 +1,93 @@
+//! Everything said on standard error: the device, warnings, progress, faults.
+//!
+//! A closed or full standard error must not end a run, so lines are written without the macros that
+//! panic. Progress is drawn on a terminal only; `indicatif` hides it anywhere else.
+
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use std::{
+    fmt::Display,
+    io::{self, Write},
+    sync::LazyLock,
+    time::Duration,
+};
+
+/// All progress of the process, so that a line can be written between its redraws.
+static PROGRESS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
+/// Writes one line.
+pub fn line(text: impl Display) {
+    PROGRESS.suspend(|| {
+        let _ = writeln!(io::stderr(), "{text}");
+    });
+}
+
+/// A spinner with what is being done; it disappears on drop.
+pub fn working_on(what: impl Display) -> Working {
+    let bar = PROGRESS.add(ProgressBar::new_spinner());
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} ({elapsed})") {
+        bar.set_style(style);
+    }
+    bar.set_message(what.to_string());
+    bar.enable_steady_tick(Duration::from_millis(120));
+    Working(bar)
+}
+
+/// A bar over `steps` steps; it disappears on drop.
+pub fn progress(what: impl Display, steps: u64) -> Working {
+    let bar = PROGRESS.add(ProgressBar::new(steps));
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} ({eta} left)") {
+        bar.set_style(style);
+    }
+    bar.set_message(what.to_string());
+    Working(bar)
+}
+
+/// Progress that is being shown.
+pub struct Working(ProgressBar);
+
+impl Working {
+    /// Says how many steps are done.
+    pub fn done(&self, steps: u64) {
+        self.0.set_position(steps);
+    }
+}
+
+impl Drop for Working {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// Prints the library's warnings and errors as lines; `TILEWRIGHT_LOG` takes another level.
+struct Logger;
+
+impl log::Log for Logger {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.level() <= log::max_level()
+            && metadata.target().split("::").next() == Some(env!("CARGO_CRATE_NAME"))
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            line(format_args!("{}: {}", record.level().as_str().to_lowercase(), record.args()));
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+/// Installs the logger and the panic hook.
+pub fn install() {
+    let level = std::env::var("TILEWRIGHT_LOG").ok().and_then(|level| level.parse().ok());
+    if log::set_logger(&Logger).is_ok() {
+        log::set_max_level(level.unwrap_or(log::LevelFilter::Warn));
+    }
+    std::panic::set_hook(Box::new(|panic| {
+        line(format_args!(
+            "tilewright: internal error: {panic}\n\
+             This is a fault of tilewright {}, not of your input; please report it with the command \
+             line and the file.",
+            env!("CARGO_PKG_VERSION")
+        ));
+    }));
+}
