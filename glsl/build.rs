@@ -1,1 +1,233 @@
-fn main() {}
+//! Compiles the kernels and checks the structs they share with the host.
+//!
+//! Writes to `OUT_DIR`:
+//! * `kernels.rs`: a module per kernel with its SPIR-V;
+//! * `layout.rs`: one assertion per field of `abi.rs` against the offsets that the compiler chose
+//!   for `abi.comp`.
+
+use rspirv::{
+    binary::Assemble,
+    dr::{Instruction, Module, Operand},
+    spirv::{Decoration, Op},
+};
+use std::{
+    collections::HashMap,
+    fmt::Write as _,
+    fs,
+    path::{Path, PathBuf},
+};
+
+#[allow(dead_code)]
+#[path = "../src/abi.rs"]
+mod abi;
+
+fn main() {
+    let root = PathBuf::from("glsl");
+    println!("cargo:rerun-if-changed=glsl");
+    println!("cargo:rerun-if-changed=src/abi.rs");
+    let constants = constants(&fs::read_to_string("src/abi.rs").expect("src/abi.rs is readable"));
+    let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+
+    let mut names: Vec<String> = fs::read_dir(&root)
+        .expect("glsl/ is a folder")
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter_map(|name| name.strip_suffix(".comp").map(str::to_owned))
+        .collect();
+    names.sort();
+
+    let mut kernels = String::new();
+    for name in &names {
+        let path = root.join(format!("{name}.comp"));
+        let mut module = compile(&path, &constants);
+        if name == "abi" {
+            fs::write(out.join("layout.rs"), layout_checks(&module)).expect("OUT_DIR is writable");
+            continue;
+        }
+        forbid_contraction(&mut module);
+        writeln!(
+            kernels,
+            "/// SPIR-V of `{name}.comp`.\npub const {}: &[u32] = &{:?};",
+            name.to_uppercase(),
+            module.assemble()
+        )
+        .expect("a String takes all");
+    }
+    fs::write(out.join("kernels.rs"), kernels).expect("OUT_DIR is writable");
+}
+
+/// `#define`s for every `pub const NAME: u32` of `abi.rs`; the values come from the compiled module,
+/// so expressions are allowed.
+fn constants(source: &str) -> String {
+    let values: HashMap<&str, u32> = abi_values();
+    let mut defines = String::new();
+    for line in source.lines() {
+        let Some(rest) = line.strip_prefix("pub const ") else { continue };
+        let Some((name, _)) = rest.split_once(": u32") else { continue };
+        let value = values.get(name).unwrap_or_else(|| panic!("list `{name}` in glsl/build.rs"));
+        writeln!(defines, "#define {name} {value}u").expect("a String takes all");
+    }
+    defines
+}
+
+macro_rules! values {
+    ($($name:ident)*) => { HashMap::from([$((stringify!($name), abi::$name)),*]) };
+}
+
+fn abi_values() -> HashMap<&'static str, u32> {
+    values! {
+        SUBPIXEL_BITS BIN_SIZE_LOG2 BIN_PIXELS CELL_LEVELS CELL_LOG2_0 CELL_LOG2_1 CELL_LOG2_2
+        CELL_LOG2_3 MAX_CELLS MAX_CELLS_TESTED MAX_EXTENT_LOG2 GUARD_LOG2 MAX_CLIPPED KEY_LOG2
+        MAX_FRAGMENT_KERNELS GROUP SPEC_WIDTH SPEC_COMPARE SPEC_FORMAT NONE SET_ENGINE SET_TABLE
+        TABLE_BUFFERS VERTEX_RANGED VERTEX_PER_CORNER TRIANGLE_VALID TRIANGLE_FRONT TRIANGLE_CUT
+        TRIANGLE_LEVEL_SHIFT TRIANGLE_EXTRA_SHIFT
+    }
+}
+
+/// The text of `path` with its includes in place, each file once.
+fn source(path: &Path, seen: &mut Vec<PathBuf>) -> String {
+    let text = fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let mut all = String::new();
+    for line in text.lines() {
+        let include = line.trim().strip_prefix("#include \"").and_then(|l| l.strip_suffix('"'));
+        match include {
+            Some(name) => {
+                let file = Path::new("glsl").join(name);
+                if !seen.contains(&file) {
+                    seen.push(file.clone());
+                    all += &source(&file, seen);
+                }
+            }
+            None => {
+                all += line;
+                all.push('\n');
+            }
+        }
+    }
+    all
+}
+
+fn compile(path: &Path, constants: &str) -> Module {
+    use glslang::{
+        Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage, SourceLanguage,
+        SpirvVersion, Target, VulkanVersion,
+    };
+    let text = source(path, &mut Vec::new());
+    let text = text.replacen("#version 460\n", &format!("#version 460\n{constants}"), 1);
+    let options = CompilerOptions {
+        source_language: SourceLanguage::GLSL,
+        // Vulkan 1.2, because SPIR-V 1.6 expresses the workgroup size by ids, which rspirv rejects.
+        target: Target::Vulkan {
+            version: VulkanVersion::Vulkan1_2,
+            spirv_version: SpirvVersion::SPIRV1_5,
+        },
+        version_profile: None,
+        ..Default::default()
+    };
+    let compiler = Compiler::acquire().expect("glslang starts");
+    let source = ShaderSource::from(text.as_str());
+    let words = ShaderInput::new(&source, ShaderStage::Compute, &options, None, None)
+        .and_then(|input| compiler.create_shader(input))
+        .and_then(|shader| shader.compile())
+        .unwrap_or_else(|error| {
+            let numbered: String =
+                text.lines().enumerate().map(|(n, l)| format!("{:4} {l}\n", n + 1)).collect();
+            panic!("{}\n{numbered}\n{error}", path.display())
+        });
+    rspirv::dr::load_words(words).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// Decorates all float arithmetic with `NoContraction`, so that a multiply and an add round twice on
+/// every device, as they do on the CPU.
+fn forbid_contraction(module: &mut Module) {
+    let exact: Vec<Instruction> = module
+        .all_inst_iter()
+        .filter(|i| {
+            matches!(
+                i.class.opcode,
+                Op::FAdd
+                    | Op::FSub
+                    | Op::FMul
+                    | Op::FDiv
+                    | Op::FNegate
+                    | Op::Dot
+                    | Op::VectorTimesScalar
+            )
+        })
+        .filter_map(|i| i.result_id)
+        .map(|id| {
+            Instruction::new(
+                Op::Decorate,
+                None,
+                None,
+                vec![Operand::IdRef(id), Operand::Decoration(Decoration::NoContraction)],
+            )
+        })
+        .filter(|decoration| !module.annotations.contains(decoration))
+        .collect();
+    module.annotations.extend(exact);
+}
+
+/// One assertion per member of every struct of `abi.comp` that `abi.rs` has too.
+fn layout_checks(module: &Module) -> String {
+    let mut struct_names = HashMap::new();
+    let mut member_names = Vec::new();
+    for i in &module.debug_names {
+        let id = i.operands[0].unwrap_id_ref();
+        match i.class.opcode {
+            Op::Name => {
+                struct_names.insert(id, i.operands[1].unwrap_literal_string().to_owned());
+            }
+            Op::MemberName => member_names.push((
+                id,
+                i.operands[1].unwrap_literal_bit32(),
+                i.operands[2].unwrap_literal_string().to_owned(),
+            )),
+            _ => {}
+        }
+    }
+    let mut offsets = HashMap::new();
+    let mut strides = HashMap::new();
+    for i in &module.annotations {
+        let (Op::MemberDecorate | Op::Decorate) = i.class.opcode else { continue };
+        let id = i.operands[0].unwrap_id_ref();
+        match (i.class.opcode, i.operands.as_slice()) {
+            (Op::MemberDecorate, [_, member, Operand::Decoration(Decoration::Offset), value]) => {
+                offsets.insert((id, member.unwrap_literal_bit32()), value.unwrap_literal_bit32());
+            }
+            (Op::Decorate, [_, Operand::Decoration(Decoration::ArrayStride), value]) => {
+                strides.insert(id, value.unwrap_literal_bit32());
+            }
+            _ => {}
+        }
+    }
+    let mut checks = String::new();
+    for (id, member, name) in &member_names {
+        let struct_name = &struct_names[id];
+        // Blocks are plural by convention, the structs inside them are what is shared.
+        if !["Batch", "Piece", "Attribute", "Triangle"].contains(&struct_name.as_str()) {
+            continue;
+        }
+        let Some(offset) = offsets.get(&(*id, *member)) else { continue };
+        writeln!(
+            checks,
+            "const _: () = assert!(std::mem::offset_of!(abi::{struct_name}, {name}) == {offset}, \
+             \"{struct_name}.{name} differs between src/abi.rs and glsl/abi.glsl\");"
+        )
+        .expect("a String takes all");
+    }
+    for i in module.types_global_values.iter().filter(|i| i.class.opcode == Op::TypeRuntimeArray) {
+        let element = i.operands[0].unwrap_id_ref();
+        let (Some(name), Some(stride)) =
+            (struct_names.get(&element), i.result_id.and_then(|id| strides.get(&id)))
+        else {
+            continue;
+        };
+        writeln!(
+            checks,
+            "const _: () = assert!(std::mem::size_of::<abi::{name}>() == {stride}, \
+             \"{name} has another size in glsl/abi.glsl\");"
+        )
+        .expect("a String takes all");
+    }
+    checks
+}

@@ -1,10 +1,12 @@
 //! The GPU's graphics pipeline, rebuilt as Vulkan compute kernels.
 #![warn(missing_docs)]
 
+pub mod abi;
 pub mod cli;
 pub mod compare;
 pub mod error;
 pub mod format;
+pub mod grid;
 pub mod image;
 pub mod pass;
 pub mod shader;
@@ -13,3 +15,10 @@ pub mod target;
 pub mod texture;
 
 pub use error::{Error, Result};
+
+/// The engine's own kernels and the checks of what they share with the host.
+pub(crate) mod kernels {
+    use crate::abi;
+    include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
+    include!(concat!(env!("OUT_DIR"), "/layout.rs"));
+}

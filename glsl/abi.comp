@@ -1,0 +1,11 @@
+// Never dispatched: the build script reads the layout of every shared struct from it.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "abi.glsl"
+layout(scalar, binding = 0) buffer Batches { Batch batches[]; };
+layout(scalar, binding = 1) buffer Pieces { Piece pieces[]; };
+layout(scalar, binding = 2) buffer Attributes { Attribute attributes[]; };
+layout(scalar, binding = 3) buffer Triangles { Triangle triangles[]; };
+void main() {
+    batches[0].width = pieces[0].first_primitive + attributes[0].slot + triangles[0].flags;
+}

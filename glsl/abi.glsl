@@ -1,0 +1,90 @@
+// The structs of src/abi.rs, member for member. The build script compares the two.
+#ifndef ABI_GLSL
+#define ABI_GLSL
+#ifndef BIN_SIZE_LOG2
+#error "constants come from src/abi.rs through the build script"
+#endif
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_control_flow_attributes : require
+
+struct Batch {
+    uint width;
+    uint height;
+    uint origin_y;
+    uint bins_x;
+    uint bins;
+    uint cell_first[4];
+    uint cell_columns[4];
+    uint cells;
+    uint primitives;
+    uint extra_first;
+    uint piece_first;
+    uint piece_count;
+    uint run_first;
+    uint run_count;
+    uint slot_first;
+    uint slot_count;
+    uint fragment_kernel;
+    uint fragment_kernels;
+};
+
+struct Piece {
+    uint first_primitive;
+    uint first_in_draw;
+    uint primitives_per_instance;
+    uint topology;
+    uint index_slot;
+    uint index_bytes;
+    uint first_element;
+    int base_vertex;
+    uint first_instance;
+    uint vertex_mode;
+    uint vertex_base;
+    uint vertex_min;
+    uint vertices_per_instance;
+    uint instance_min;
+    uint varying_base;
+    uint varying_stride;
+    uint attribute_base;
+    uint vertex_resources;
+    uint fragment_resources;
+    uint fragment_kernel;
+    uint cull;
+    uint front_face;
+    vec3 scale;
+    vec3 offset;
+    vec2 guard;
+    ivec2 rect_min;
+    ivec2 rect_max;
+    uint cut;
+    uint depth_test;
+    uint depth_write;
+    uint depth_compare;
+    uint blend;
+    uint blend_color;
+    uint blend_alpha;
+    uint draw_id;
+};
+
+struct Attribute {
+    uint slot;
+    uint offset;
+    uint stride;
+    uint component;
+    uint count;
+    uint per_instance;
+};
+
+struct Triangle {
+    ivec3 x;
+    ivec3 y;
+    float z;
+    float dzdx;
+    float dzdy;
+    uint bounds_min;
+    uint bounds_max;
+    uint piece;
+    uvec3 vertices;
+    uint flags;
+};
+#endif

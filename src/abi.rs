@@ -1,0 +1,236 @@
+//! Everything the host and the kernels share: constants, and structs of `u32`, `i32` and `f32`.
+//!
+//! This file is the only home of these facts. The build script includes it, hands every constant to
+//! the kernels as a macro, compiles `glsl/abi.comp`, reads the members' offsets from its SPIR-V and
+//! writes one assertion per field, so that a struct that differs from its mirror in `glsl/abi.glsl`
+//! is a compile error that names the field. Blocks use scalar layout, which for 4-byte scalars is
+//! `#[repr(C)]`.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Fractional bits of a window coordinate: 1/256 pixel.
+pub const SUBPIXEL_BITS: u32 = 8;
+/// Log2 of a bin's edge in pixels.
+pub const BIN_SIZE_LOG2: u32 = 4;
+/// Pixels of a bin.
+pub const BIN_PIXELS: u32 = 1 << (2 * BIN_SIZE_LOG2);
+/// Levels of cells that triangles are binned into: bins, then coarser and coarser, then everything.
+pub const CELL_LEVELS: u32 = 4;
+/// Log2 of a cell's edge at level 0, the bins.
+pub const CELL_LOG2_0: u32 = BIN_SIZE_LOG2;
+/// Log2 of a cell's edge at level 1.
+pub const CELL_LOG2_1: u32 = 6;
+/// Log2 of a cell's edge at level 2.
+pub const CELL_LOG2_2: u32 = 8;
+/// Log2 of a cell's edge at level 3: one cell holds any target.
+pub const CELL_LOG2_3: u32 = MAX_EXTENT_LOG2;
+/// A triangle is listed in at most this many cells; one that touches more goes one level up.
+pub const MAX_CELLS: u32 = 16;
+/// Cells under a bounding box up to which the exact count is worth its loop.
+pub const MAX_CELLS_TESTED: u32 = 64;
+/// Log2 of the largest target edge in pixels.
+pub const MAX_EXTENT_LOG2: u32 = 14;
+/// Window coordinates reach from -2^15 to 2^15 pixels: what lies farther out is clipped.
+pub const GUARD_LOG2: u32 = 15;
+/// Triangles that clipping one primitive by six planes can leave.
+pub const MAX_CLIPPED: u32 = 7;
+/// Log2 of the step between the keys of consecutive primitives: room for [`MAX_CLIPPED`].
+pub const KEY_LOG2: u32 = 3;
+/// Fragment pipelines of one batch: one bit each in a bin's mask.
+pub const MAX_FRAGMENT_KERNELS: u32 = 32;
+/// Invocations of a workgroup where nothing else decides.
+pub const GROUP: u32 = 64;
+/// Specialization constant: the subgroup width, also the workgroup size of subgroup-wide kernels.
+pub const SPEC_WIDTH: u32 = 65536;
+/// Specialization constant: the depth comparison.
+pub const SPEC_COMPARE: u32 = 65537;
+/// Specialization constant: the colour format.
+pub const SPEC_FORMAT: u32 = 65538;
+
+/// Word that stands for "none": no index buffer, no attribute.
+pub const NONE: u32 = 0xffff_ffff;
+
+/// Descriptor set of the engine's own buffers.
+pub const SET_ENGINE: u32 = 0;
+/// Descriptor set of the resource table.
+pub const SET_TABLE: u32 = 1;
+/// Binding of the table's storage buffers.
+pub const TABLE_BUFFERS: u32 = 4;
+
+/// Vertex slots of a piece: one per vertex of an index range, for each instance.
+pub const VERTEX_RANGED: u32 = 0;
+/// Vertex slots of a piece: one per corner of a primitive.
+pub const VERTEX_PER_CORNER: u32 = 1;
+
+/// [`Triangle::flags`]: it has area, faces the right way and may cover a pixel.
+pub const TRIANGLE_VALID: u32 = 1;
+/// [`Triangle::flags`]: it faces the viewer.
+pub const TRIANGLE_FRONT: u32 = 2;
+/// [`Triangle::flags`]: its bounds are cut by the viewport or scissor, so pixels must be tested against them.
+pub const TRIANGLE_CUT: u32 = 4;
+/// [`Triangle::flags`]: first bit of its cell level.
+pub const TRIANGLE_LEVEL_SHIFT: u32 = 4;
+/// [`Triangle::flags`]: first bit of the number of triangles its primitive was clipped into, less one.
+pub const TRIANGLE_EXTRA_SHIFT: u32 = 8;
+
+/// What one dispatch knows of its batch: the push constants of every kernel.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Batch {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down, of the band.
+    pub height: u32,
+    /// First row of the band in the target.
+    pub origin_y: u32,
+    /// Columns of bins.
+    pub bins_x: u32,
+    /// Bins in all.
+    pub bins: u32,
+    /// First cell of each level.
+    pub cell_first: [u32; 4],
+    /// Columns of cells at each level.
+    pub cell_columns: [u32; 4],
+    /// Cells of all levels.
+    pub cells: u32,
+    /// Primitives of the batch.
+    pub primitives: u32,
+    /// Clipped-off triangles start here in the triangle buffer.
+    pub extra_first: u32,
+    /// First of the batch's pieces.
+    pub piece_first: u32,
+    /// Pieces of the batch.
+    pub piece_count: u32,
+    /// First of the vertex dispatch's runs.
+    pub run_first: u32,
+    /// Runs of the vertex dispatch.
+    pub run_count: u32,
+    /// First vertex slot of the vertex dispatch.
+    pub slot_first: u32,
+    /// Vertex slots of the vertex dispatch.
+    pub slot_count: u32,
+    /// Fragment kernel that a shade dispatch runs, as an index of the batch's.
+    pub fragment_kernel: u32,
+    /// Fragment kernels of the batch.
+    pub fragment_kernels: u32,
+}
+
+/// A run of consecutive primitives of one draw inside one batch.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Piece {
+    /// Number in the batch of its first primitive.
+    pub first_primitive: u32,
+    /// Number in the draw, instances counted through, of its first primitive.
+    pub first_in_draw: u32,
+    /// Primitives of one instance of the draw.
+    pub primitives_per_instance: u32,
+    /// A `Topology`.
+    pub topology: u32,
+    /// Resource-table slot of the index buffer, or [`NONE`].
+    pub index_slot: u32,
+    /// Bytes of an index, 2 or 4.
+    pub index_bytes: u32,
+    /// Element of the index buffer (or vertex) that is element 0 of the draw.
+    pub first_element: u32,
+    /// Added to an index to make `gl_VertexIndex`.
+    pub base_vertex: i32,
+    /// `gl_InstanceIndex` of the draw's first instance.
+    pub first_instance: u32,
+    /// [`VERTEX_RANGED`] or [`VERTEX_PER_CORNER`].
+    pub vertex_mode: u32,
+    /// First vertex slot of the piece.
+    pub vertex_base: u32,
+    /// Ranged: the smallest index, which has slot 0.
+    pub vertex_min: u32,
+    /// Ranged: slots of one instance.
+    pub vertices_per_instance: u32,
+    /// Ranged: the instance that comes first in the slots.
+    pub instance_min: u32,
+    /// First word of the first slot's varyings.
+    pub varying_base: u32,
+    /// Words of varyings per slot.
+    pub varying_stride: u32,
+    /// First of the piece's attributes.
+    pub attribute_base: u32,
+    /// First table slot of the vertex shader's resources.
+    pub vertex_resources: u32,
+    /// First table slot of the fragment shader's resources.
+    pub fragment_resources: u32,
+    /// Index of its fragment kernel in the batch.
+    pub fragment_kernel: u32,
+    /// A `Cull`.
+    pub cull: u32,
+    /// A `FrontFace`.
+    pub front_face: u32,
+    /// Clip space to window: factors of x, y and z.
+    pub scale: [f32; 3],
+    /// Clip space to window: offsets of x, y and z.
+    pub offset: [f32; 3],
+    /// Guard band in x and y as multiples of w; powers of two, so that the product is exact.
+    pub guard: [f32; 2],
+    /// First pixel of viewport and scissor, x then y.
+    pub rect_min: [i32; 2],
+    /// Last pixel of viewport and scissor, x then y.
+    pub rect_max: [i32; 2],
+    /// Whether `rect_min..=rect_max` is smaller than the target.
+    pub cut: u32,
+    /// Depth test: 0 off, 1 on.
+    pub depth_test: u32,
+    /// Depth write: 0 off, 1 on.
+    pub depth_write: u32,
+    /// Depth `Compare`.
+    pub depth_compare: u32,
+    /// Blending: 0 off, 1 on.
+    pub blend: u32,
+    /// Blend factors and operation of the colour: source, destination, operation, 4 bits each.
+    pub blend_color: u32,
+    /// Blend factors and operation of alpha: source, destination, operation, 4 bits each.
+    pub blend_alpha: u32,
+    /// `gl_DrawID`: always 0, a pass has no multi-draws.
+    pub draw_id: u32,
+}
+
+/// Where one input location of a vertex shader reads.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Attribute {
+    /// Resource-table slot of the buffer, or [`NONE`].
+    pub slot: u32,
+    /// Byte of element 0.
+    pub offset: u32,
+    /// Bytes from element to element.
+    pub stride: u32,
+    /// A `Component`.
+    pub component: u32,
+    /// Components.
+    pub count: u32,
+    /// 1 if it advances per instance.
+    pub per_instance: u32,
+}
+
+/// A triangle after setup: what raster, z-test and shading need of it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Triangle {
+    /// Corners in 1/256 pixel from the centre of pixel (0, 0), clockwise on the screen.
+    pub x: [i32; 3],
+    /// See `x`.
+    pub y: [i32; 3],
+    /// Depth at the centre of the anchor, the pixel `(x[0] >> 8, y[0] >> 8)`.
+    pub z: f32,
+    /// Change of depth per pixel to the right.
+    pub dzdx: f32,
+    /// Change of depth per pixel down.
+    pub dzdy: f32,
+    /// First pixel that may be covered: x in the low half, y in the high half.
+    pub bounds_min: u32,
+    /// Last pixel that may be covered.
+    pub bounds_max: u32,
+    /// Its piece.
+    pub piece: u32,
+    /// Vertex slots of the primitive's three vertices, the provoking one first.
+    pub vertices: [u32; 3],
+    /// `TRIANGLE_*`.
+    pub flags: u32,
+}

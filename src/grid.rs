@@ -1,0 +1,118 @@
+//! All size arithmetic of a frame, in one pure place: bands, bins, cells, capacities.
+//!
+//! Working buffers hold one *band* of the target at a time, whole rows of bins, so that no buffer
+//! outgrows the smallest storage range devices offer (128 MiB) and no dispatch over bins outgrows
+//! the smallest limit of workgroups (65,535). Bins lie one after the other in row order; the pixels
+//! of a bin are contiguous, see `glsl/lib/tile.glsl`.
+
+use crate::{abi, image::Extent};
+
+/// Log2 of the cell edge at each level.
+pub const CELL_LOG2: [u32; abi::CELL_LEVELS as usize] =
+    [abi::CELL_LOG2_0, abi::CELL_LOG2_1, abi::CELL_LOG2_2, abi::CELL_LOG2_3];
+
+/// Most bins of a band: 2^15 bins are 2^23 pixels, 64 MiB at 8 bytes a pixel.
+pub const MAX_BAND_BINS: u32 = 1 << 15;
+
+/// One band of a target and its division into bins and cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Pixels of the band; the height is a multiple of the bin size except in the last band.
+    pub extent: Extent,
+    /// First row of the band in the target.
+    pub origin_y: u32,
+    /// Columns of bins.
+    pub bins_x: u32,
+    /// Rows of bins.
+    pub bins_y: u32,
+    /// First cell of each level.
+    pub cell_first: [u32; 4],
+    /// Columns of cells at each level.
+    pub cell_columns: [u32; 4],
+    /// Cells of all levels.
+    pub cells: u32,
+}
+
+impl Grid {
+    /// The bands of a target from top to bottom.
+    pub fn bands(target: Extent) -> impl Iterator<Item = Grid> {
+        let bin = 1 << abi::BIN_SIZE_LOG2;
+        let bins_x = target.width.div_ceil(bin);
+        let rows = (MAX_BAND_BINS / bins_x) * bin;
+        (0..target.height.div_ceil(rows)).map(move |band| {
+            let origin_y = band * rows;
+            Grid::new(Extent::new(target.width, rows.min(target.height - origin_y)), origin_y)
+        })
+    }
+
+    fn new(extent: Extent, origin_y: u32) -> Grid {
+        let (mut cell_first, mut cell_columns, mut cells) = ([0; 4], [0; 4], 0);
+        for (level, log2) in CELL_LOG2.into_iter().enumerate() {
+            cell_first[level] = cells;
+            cell_columns[level] = extent.width.div_ceil(1 << log2);
+            cells += cell_columns[level] * extent.height.div_ceil(1 << log2);
+        }
+        Grid {
+            extent,
+            origin_y,
+            bins_x: cell_columns[0],
+            bins_y: extent.height.div_ceil(1 << abi::BIN_SIZE_LOG2),
+            cell_first,
+            cell_columns,
+            cells,
+        }
+    }
+
+    /// Bins of the band.
+    pub const fn bins(&self) -> u32 {
+        self.bins_x * self.bins_y
+    }
+
+    /// Pixels of the band's working buffers, those of partial bins included.
+    pub const fn padded_pixels(&self) -> usize {
+        self.bins() as usize * abi::BIN_PIXELS as usize
+    }
+
+    /// The cell of `level` that holds the pixel (`x`, `y`) of the band.
+    pub const fn cell(&self, level: usize, x: u32, y: u32) -> u32 {
+        let log2 = CELL_LOG2[level];
+        self.cell_first[level] + (y >> log2) * self.cell_columns[level] + (x >> log2)
+    }
+}
+
+/// What the buffers of a batch are sized for. Every capacity is the worst case of
+/// [`Capacities::primitives`] primitives, so that no batch can overflow any buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capacities {
+    /// Primitives of a batch.
+    pub primitives: u32,
+    /// Vertex slots of a batch.
+    pub vertices: u32,
+    /// Words of varyings of a batch.
+    pub varying_words: u32,
+}
+
+impl Capacities {
+    /// Most primitives of a batch: its triangles fill 56 MiB in the worst case.
+    pub const MAX_PRIMITIVES: u32 = 1 << 17;
+    /// Most words of varyings of a batch: 64 MiB.
+    pub const MAX_VARYING_WORDS: u32 = 1 << 24;
+
+    /// Triangles: each primitive can be clipped into [`abi::MAX_CLIPPED`].
+    pub const fn triangles(&self) -> u32 {
+        self.primitives * abi::MAX_CLIPPED
+    }
+
+    /// Entries of all cells' lists: each triangle is in at most [`abi::MAX_CELLS`].
+    pub const fn entries(&self) -> u32 {
+        self.triangles() * abi::MAX_CELLS
+    }
+}
+
+/// Workgroups of `group` invocations for `count` items, spread over two dimensions where one is
+/// too few.
+pub const fn groups(count: u32, group: u32) -> [u32; 3] {
+    let n = count.div_ceil(group);
+    const MAX: u32 = 65_535;
+    if n <= MAX { [n, 1, 1] } else { [MAX, n.div_ceil(MAX), 1] }
+}
