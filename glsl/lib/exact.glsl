@@ -1,0 +1,67 @@
+// Arithmetic that gives the same bits on every device and on the CPU. Vulkan rounds float add,
+// subtract and multiply correctly, and the build forbids contraction; division it allows to be
+// wrong by 2.5 ULP, and a fused multiply-add may or may not be one. These are our own.
+#ifndef EXACT_GLSL
+#define EXACT_GLSL
+
+// Denormals are zero here, because devices may flush them.
+float flush(const float a) {
+    return (floatBitsToUint(a) & 0x7f800000u) == 0u ? 0.0 : a;
+}
+
+bool is_finite(const float a) {
+    return (floatBitsToUint(a) & 0x7f800000u) != 0x7f800000u;
+}
+
+// a / b, rounded to nearest even, for normal or zero `a` and normal `b`. Results too small for a
+// normal number are zero, too large ones infinite. The device's own division is a first guess whose
+// last bits an integer remainder corrects.
+float exact_divide(const float a, const float b) {
+    uint ua = floatBitsToUint(a), ub = floatBitsToUint(b);
+    uint sign = (ua ^ ub) & 0x80000000u;
+    int exponent = int((ua >> 23) & 0xffu) - int((ub >> 23) & 0xffu) + 127;
+    uint ma = (ua & 0x7fffffu) | 0x800000u, mb = (ub & 0x7fffffu) | 0x800000u;
+    if (ma < mb) {
+        ma <<= 1;
+        exponent -= 1;
+    }
+    // quotient = floor(ma * 2^24 / mb), 25 bits. The guess is within 8 of it; 16 less is surely
+    // below, and the remainder modulo 2^32 is then the true one.
+    uint quotient = uint(float(ma) / float(mb) * 16777216.0) - 16u;
+    uint remainder = (ma << 24) - quotient * mb;
+    [[unroll]] for (uint step = 16u; step > 0u; step >>= 1) {
+        bool enough = remainder >= step * mb;
+        remainder -= enough ? step * mb : 0u;
+        quotient += enough ? step : 0u;
+    }
+    uint mantissa = quotient >> 1;
+    mantissa += quotient & (mantissa | (remainder != 0u ? 1u : 0u)) & 1u;
+    uint bits = (uint(exponent) << 23) + mantissa - 0x800000u;
+    bits = exponent <= 0 ? 0u : (exponent >= 255 ? 0x7f800000u : bits);
+    return (ua & 0x7f800000u) == 0u ? 0.0 : uintBitsToFloat(bits | sign);
+}
+
+// a * b + c with the product's and the sum's rounding errors added back: a fused multiply-add but
+// for double rounding in rare ties. Products by Dekker, sums by Knuth.
+float multiply_add(const float a, const float b, const float c) {
+    float ta = 4097.0 * a, tb = 4097.0 * b;
+    float ah = ta - (ta - a), bh = tb - (tb - b);
+    float al = a - ah, bl = b - bh;
+    float p = a * b;
+    float product_error = ((ah * bh - p) + ah * bl + al * bh) + al * bl;
+    float s = p + c;
+    float part = s - p;
+    float sum_error = (p - (s - part)) + (c - part);
+    return s + (sum_error + product_error);
+}
+
+// The nearest integer, ties to even, for |a| < 2^24.
+int round_even(const float a) {
+    int whole = int(a);
+    float rest = a - float(whole);
+    bool odd = (whole & 1) != 0;
+    int up = (rest > 0.5 || (rest == 0.5 && odd)) ? 1 : 0;
+    int down = (rest < -0.5 || (rest == -0.5 && odd)) ? 1 : 0;
+    return whole + up - down;
+}
+#endif
