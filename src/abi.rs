@@ -47,6 +47,23 @@ pub const SPEC_COMPARE: u32 = 65537;
 /// Specialization constant: the colour format.
 pub const SPEC_FORMAT: u32 = 65538;
 
+/// Specialization constant: workgroup size where quads are shaded, at least the subgroup width.
+pub const SPEC_GROUP: u32 = 65539;
+/// Specialization constant: when the depth test happens, one of `DEPTH_*`.
+pub const SPEC_DEPTH: u32 = 65540;
+/// Depth test before the shader, write after it unless it discards.
+pub const DEPTH_EARLY_TEST: u32 = 0;
+/// Depth test and write after the shader.
+pub const DEPTH_LATE: u32 = 1;
+/// Depth test and write before the shader, as `layout(early_fragment_tests)` demands.
+pub const DEPTH_EARLY: u32 = 2;
+/// Colour format: four 8-bit channels.
+pub const FORMAT_RGBA8_UNORM: u32 = 0;
+/// Colour format: three 8-bit sRGB-encoded channels and 8-bit linear alpha.
+pub const FORMAT_RGBA8_SRGB: u32 = 1;
+/// Colour format: four half floats.
+pub const FORMAT_RGBA16_FLOAT: u32 = 2;
+
 /// Word that stands for "none": no index buffer, no attribute.
 pub const NONE: u32 = 0xffff_ffff;
 

@@ -1,0 +1,40 @@
+// Binning, third step: writes each triangle's key into the lists of the cells it touches.
+//
+// Reads: triangles.
+// Writes: the lists; `cell_ends`, which each list's entries count up to its end.
+// Contract: a cell's list holds the key of every valid triangle that `cells.glsl` lists there, each
+// once, in no order.
+// Kernel / Twin: src/compute/binning.rs, src/reference/binning.rs.
+#version 460
+#include "pieces.glsl"
+#include "lib/cells.glsl"
+#include "lib/key.glsl"
+
+layout(local_size_x = GROUP) in;
+layout(scalar, binding = 1) readonly buffer Triangles { Triangle triangles[]; };
+layout(scalar, binding = 2) buffer CellEnds { uint cell_ends[]; };
+layout(scalar, binding = 3) writeonly buffer Entries { uint entries[]; };
+
+void scatter(const uint key) {
+    uint at = key_triangle(key, batch.extra_first);
+    uint flags = triangles[at].flags;
+    if ((flags & TRIANGLE_VALID) == 0u) return;
+    uint level = (flags >> TRIANGLE_LEVEL_SHIFT) & 3u;
+    uint low = triangles[at].bounds_min, high = triangles[at].bounds_max;
+    uvec4 range = cells_under(level, uvec2(low & 0xffffu, low >> 16), uvec2(high & 0xffffu, high >> 16));
+    ivec3 x = triangles[at].x, y = triangles[at].y;
+    for (uint row = range.y; row <= range.w; row++) {
+        for (uint column = range.x; column <= range.z; column++) {
+            if (!cell_lists(x, y, level, range, uvec2(column, row), batch.origin_y)) continue;
+            uint cell = batch.cell_first[level] + row * batch.cell_columns[level] + column;
+            entries[atomicAdd(cell_ends[cell], 1u)] = key;
+        }
+    }
+}
+
+void main() {
+    uint primitive = linear_invocation();
+    if (primitive >= batch.primitives) return;
+    uint parts = 1u + (triangles[primitive].flags >> TRIANGLE_EXTRA_SHIFT);
+    for (uint part = 0u; part < parts; part++) scatter(key_of(primitive, part));
+}

@@ -1,0 +1,49 @@
+// Binning, last step for order-dependent work: sorts the list of each cell by key, that is in API
+// order.
+//
+// Reads and writes: the lists. Reads: `cell_ends`.
+// Contract: each list is ascending; its entries are the ones it had.
+// Kernel / Twin: src/compute/binning.rs, src/reference/binning.rs.
+//
+// One subgroup is one workgroup is one cell. Batcher's merge network with every comparison
+// ascending, so that the missing entries of a list that is no power of two are simply not compared.
+#version 460
+#extension GL_KHR_shader_subgroup_basic : require
+#include "abi.glsl"
+
+layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(local_size_x_id = SPEC_WIDTH) in;
+layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
+layout(scalar, binding = 0) readonly buffer CellEnds { uint cell_ends[]; };
+layout(scalar, binding = 1) coherent buffer Entries { uint entries[]; };
+
+void exchange(const uint first, const uint a, const uint b, const uint count) {
+    if (b >= count) return;
+    uint low = entries[first + a], high = entries[first + b];
+    if (low <= high) return;
+    entries[first + a] = high;
+    entries[first + b] = low;
+}
+
+void main() {
+    uint cell = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    if (cell >= batch.cells) return;
+    uint first = cell == 0u ? 0u : cell_ends[cell - 1u];
+    uint count = cell_ends[cell] - first;
+    for (uint run = 1u; run < count; run <<= 1) {
+        for (uint i = gl_LocalInvocationIndex; (i / run) * 2u * run < count; i += WIDTH) {
+            uint base = (i / run) * 2u * run, offset = i % run;
+            exchange(first, base + offset, base + 2u * run - 1u - offset, count);
+        }
+        memoryBarrierBuffer();
+        barrier();
+        for (uint step = run >> 1; step > 0u; step >>= 1) {
+            for (uint i = gl_LocalInvocationIndex; (i / step) * 2u * step < count; i += WIDTH) {
+                uint a = (i / step) * 2u * step + i % step;
+                exchange(first, a, a + step, count);
+            }
+            memoryBarrierBuffer();
+            barrier();
+        }
+    }
+}

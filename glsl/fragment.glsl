@@ -1,0 +1,122 @@
+// The user's fragment shader at one pixel of one triangle: what the shading kernels share.
+//
+// The shader is spliced into `tw_user_main`; the functions and globals called tw_* are what it sees.
+// Varyings are interpolated in homogeneous coordinates (Olano and Greer 1997) from the clip-space
+// vertices relative to the pixel, which needs no per-triangle setup and also serves triangles that
+// were clipped: their parts interpolate as the whole does.
+#ifndef FRAGMENT_GLSL
+#define FRAGMENT_GLSL
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_quad : require
+#include "abi.glsl"
+#include "lib/color.glsl"
+#include "lib/depth.glsl"
+#include "lib/key.glsl"
+#include "lib/tile.glsl"
+
+layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
+layout(scalar, binding = 0) readonly buffer Pieces { Piece pieces[]; };
+layout(scalar, binding = 1) readonly buffer Triangles { Triangle triangles[]; };
+layout(scalar, binding = 2) readonly buffer Positions { vec4 positions[]; };
+layout(scalar, binding = 3) readonly buffer Varyings { uint varyings[]; };
+layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[]; };
+
+vec4 tw_FragCoord;
+bool tw_FrontFacing;
+int tw_PrimitiveID;
+float tw_FragDepth;
+bool tw_HelperInvocation;
+
+uint resource_base;
+uvec3 varying_base; // first word of each vertex's varyings
+vec3 perspective;   // barycentric weights for smooth varyings
+vec3 linear;        // for noperspective ones
+uvec4 color_bits;   // output location 0
+
+uint tw_resource(const in uint i) {
+    return resource_slots[resource_base + i];
+}
+
+uvec4 fetch_varying(const uint vertex, const uint location) {
+    uint at = varying_base[vertex] + location * 4u;
+    return uvec4(varyings[at], varyings[at + 1u], varyings[at + 2u], varyings[at + 3u]);
+}
+
+vec4 interpolate(const vec3 weights, const uint location) {
+    return weights.x * uintBitsToFloat(fetch_varying(0u, location)) + weights.y * uintBitsToFloat(fetch_varying(1u, location)) +
+           weights.z * uintBitsToFloat(fetch_varying(2u, location));
+}
+
+vec4 tw_input_smooth(const in uint location) {
+    return interpolate(perspective, location);
+}
+
+vec4 tw_input_noperspective(const in uint location) {
+    return interpolate(linear, location);
+}
+
+uvec4 tw_input_flat(const in uint location) {
+    return fetch_varying(0u, location);
+}
+
+void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
+    for (uint c = 0u; c < count && location == 0u; c++) color_bits[component + c] = value[c];
+}
+
+#define DERIVATIVES(T) \
+    T tw_ddx(const in T v) { \
+        T other = subgroupQuadSwapHorizontal(v); \
+        return (gl_SubgroupInvocationID & 1u) != 0u ? v - other : other - v; \
+    } \
+    T tw_ddy(const in T v) { \
+        T other = subgroupQuadSwapVertical(v); \
+        return (gl_SubgroupInvocationID & 2u) != 0u ? v - other : other - v; \
+    }
+DERIVATIVES(float)
+DERIVATIVES(vec2)
+DERIVATIVES(vec3)
+DERIVATIVES(vec4)
+
+// Replaced by the splicer; calls every hook, so that none is optimised away.
+void tw_user_main() {
+    vec4 v = tw_input_smooth(0u) + tw_input_noperspective(1u) + uintBitsToFloat(tw_input_flat(tw_resource(0u)));
+    v += tw_ddx(v) + tw_ddy(v);
+    v.xyz += tw_ddx(v.xyz) + tw_ddy(v.xyz);
+    v.xy += tw_ddx(v.xy) + tw_ddy(v.xy);
+    v.x += tw_ddx(v.x) + tw_ddy(v.x);
+    tw_output(0u, 0u, 4u, floatBitsToUint(v));
+}
+
+// Runs the shader for the triangle of `key` at the target's pixel `pixel`; all four lanes of a quad
+// call it together. `helper` lanes take part in derivatives only.
+void shade(const uint key, const ivec2 pixel, const bool helper) {
+    uint at = key_triangle(key, batch.extra_first);
+    uint piece_index = triangles[at].piece;
+    uvec3 vertices = triangles[at].vertices;
+    ivec2 anchor = ivec2(triangles[at].x.x, triangles[at].y.x) >> SUBPIXEL_BITS;
+    vec3 scale = pieces[piece_index].scale, offset = pieces[piece_index].offset;
+
+    vec2 ndc = (vec2(pixel) + 0.5 - offset.xy) / scale.xy;
+    vec4 a = positions[vertices.x], b = positions[vertices.y], c = positions[vertices.z];
+    vec2 pa = a.xy - ndc * a.w, pb = b.xy - ndc * b.w, pc = c.xy - ndc * c.w;
+    vec3 weights = vec3(pb.x * pc.y - pb.y * pc.x, pc.x * pa.y - pc.y * pa.x, pa.x * pb.y - pa.y * pb.x);
+    float sum = weights.x + weights.y + weights.z;
+    perspective = sum != 0.0 ? weights / sum : vec3(1.0, 0.0, 0.0);
+    vec3 w = vec3(a.w, b.w, c.w);
+    float depth_w = dot(perspective, w);
+    linear = depth_w != 0.0 ? perspective * w / depth_w : vec3(1.0, 0.0, 0.0);
+
+    float z = depth_at(triangles[at].z, triangles[at].dzdx, triangles[at].dzdy, pixel - anchor);
+    tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? 1.0 / depth_w : 0.0);
+    tw_FragDepth = z;
+    tw_FrontFacing = (triangles[at].flags & TRIANGLE_FRONT) != 0u;
+    uint in_draw = pieces[piece_index].first_in_draw + (key >> KEY_LOG2) - 1u - pieces[piece_index].first_primitive;
+    tw_PrimitiveID = int(in_draw % pieces[piece_index].primitives_per_instance);
+    tw_HelperInvocation = helper;
+    resource_base = pieces[piece_index].fragment_resources;
+    varying_base = pieces[piece_index].varying_base +
+                   (vertices - pieces[piece_index].vertex_base) * pieces[piece_index].varying_stride;
+    color_bits = uvec4(0u);
+    tw_user_main();
+}
+#endif

@@ -1,0 +1,118 @@
+// Raster, z-test, shading and blending of work whose result depends on its order: blending,
+// discard, depth export, side effects, and depth tests that opaque keys cannot express.
+//
+// Reads: the non-empty bins, the sorted lists of their cells, triangles, positions, varyings and
+// whatever the shader binds.
+// Writes: colour and depth; `visibility`, the last triangle that wrote to each pixel.
+// Contract: each pixel sees its fragments in API order, whatever the order of the bins.
+// Kernel / Twin: src/compute/ordered.rs; coverage, depth and visibility are those of
+// src/reference/raster.rs if the shader neither discards nor writes depth.
+//
+// One subgroup is one workgroup is one bin. It walks the four sorted lists as one, triangle by
+// triangle, and runs the shader wherever a pixel of a quad is alive; a pixel's colour and depth stay
+// in memory, touched by one lane only.
+#version 460
+#extension GL_KHR_shader_subgroup_vote : require
+#include "fragment.glsl"
+#include "lib/cells.glsl"
+#include "lib/blend.glsl"
+
+layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_FORMAT) const uint FORMAT = 0u;
+layout(constant_id = SPEC_DEPTH) const uint DEPTH = DEPTH_EARLY_TEST;
+layout(local_size_x_id = SPEC_WIDTH) in;
+layout(scalar, binding = 5) readonly buffer Bins { uint bins[]; };
+layout(scalar, binding = 6) readonly buffer CellEnds { uint cell_ends[]; };
+layout(scalar, binding = 7) readonly buffer Entries { uint entries[]; };
+layout(scalar, binding = 8) buffer Depth { float depth[]; };
+layout(scalar, binding = 9) writeonly buffer Visibility { uint visibility[]; };
+layout(scalar, binding = 10) buffer Color { uint color[]; };
+
+bool compare(const uint operation, const float a, const float b) {
+    switch (operation) {
+        case 0u: return false;
+        case 1u: return a < b;
+        case 2u: return a == b;
+        case 3u: return a <= b;
+        case 4u: return a > b;
+        case 5u: return a != b;
+        case 6u: return a >= b;
+        default: return true;
+    }
+}
+
+void write_color(const uint at, const uint piece) {
+    vec4 source = uintBitsToFloat(color_bits);
+    if (pieces[piece].blend != 0u) {
+        uvec2 held = FORMAT == FORMAT_RGBA16_FLOAT ? uvec2(color[2u * at], color[2u * at + 1u]) : uvec2(color[at], 0u);
+        if (FORMAT != FORMAT_RGBA16_FLOAT) source = saturate(source);
+        source = blend(pieces[piece].blend_color, pieces[piece].blend_alpha, source, color_decode(FORMAT, held));
+    }
+    uvec2 words = color_encode(FORMAT, source);
+    if (FORMAT == FORMAT_RGBA16_FLOAT) {
+        color[2u * at] = words.x;
+        color[2u * at + 1u] = words.y;
+    } else {
+        color[at] = words.x;
+    }
+}
+
+void draw(const uint key, const uint bin, const ivec2 local_origin) {
+    uint t = key_triangle(key, batch.extra_first);
+    uint lane = gl_SubgroupInvocationID;
+    ivec2 origin = local_origin + ivec2(0, int(batch.origin_y));
+    ivec3 x = triangles[t].x, y = triangles[t].y;
+    uint low_bits = triangles[t].bounds_min, high_bits = triangles[t].bounds_max;
+    ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
+    ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
+    Edges edges = edges_from(x, y, origin, 0u);
+    ivec2 from_anchor = origin - ivec2(x.x >> SUBPIXEL_BITS, y.x >> SUBPIXEL_BITS);
+    uint piece = triangles[t].piece;
+    bool test = pieces[piece].depth_test != 0u, write = pieces[piece].depth_write != 0u;
+    uint operation = pieces[piece].depth_compare;
+
+    for (uint first = 0u; first < BIN_PIXELS; first += WIDTH) {
+        ivec2 p = ivec2(tile_pixel(first + lane));
+        ivec3 e = edges.at + edges.dx * p.x + edges.dy * p.y;
+        bool alive = (e.x | e.y | e.z) >= 0 && all(greaterThanEqual(p, low)) && all(lessThanEqual(p, high));
+        if (!subgroupAny(alive)) continue;
+        uint at = bin * BIN_PIXELS + first + lane;
+        float z = depth_at(triangles[t].z, triangles[t].dzdx, triangles[t].dzdy, from_anchor + p);
+        if (test && DEPTH != DEPTH_LATE) alive = alive && compare(operation, z, depth[at]);
+        if (!subgroupAny(alive)) continue;
+        if (DEPTH == DEPTH_EARLY && alive && test && write) depth[at] = z;
+
+        shade(key, origin + p, !alive);
+
+        if (!alive || tw_HelperInvocation) continue;
+        float late = tw_FragDepth > 0.0 ? min(tw_FragDepth, 1.0) : 0.0;
+        if (test && DEPTH == DEPTH_LATE && !compare(operation, late, depth[at])) continue;
+        if (test && write && DEPTH != DEPTH_EARLY) depth[at] = DEPTH == DEPTH_LATE ? late : z;
+        visibility[at] = key;
+        write_color(at, piece);
+    }
+}
+
+void main() {
+    uint bin = bins[gl_WorkGroupID.x];
+    uvec2 bin_position = uvec2(bin % batch.bins_x, bin / batch.bins_x);
+    for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) visibility[bin * BIN_PIXELS + i] = 0u;
+    uint at[CELL_LEVELS], end[CELL_LEVELS];
+    for (uint level = 0u; level < CELL_LEVELS; level++) {
+        uvec2 cell_position = bin_position >> (CELL_LOG2[level] - BIN_SIZE_LOG2);
+        uint cell = batch.cell_first[level] + cell_position.y * batch.cell_columns[level] + cell_position.x;
+        at[level] = cell == 0u ? 0u : cell_ends[cell - 1u];
+        end[level] = cell_ends[cell];
+    }
+    for (;;) {
+        uint next = 0xffffffffu, from = 0u;
+        for (uint level = 0u; level < CELL_LEVELS; level++) {
+            uint key = at[level] < end[level] ? entries[at[level]] : 0xffffffffu;
+            from = key < next ? level : from;
+            next = min(next, key);
+        }
+        if (next == 0xffffffffu) break;
+        at[from]++;
+        draw(next, bin, ivec2(bin_position << BIN_SIZE_LOG2));
+    }
+}

@@ -1,0 +1,37 @@
+// The pieces of the batch, and their index buffers in the resource table.
+#ifndef PIECES_GLSL
+#define PIECES_GLSL
+#extension GL_EXT_nonuniform_qualifier : require
+#include "abi.glsl"
+#include "lib/assembly.glsl"
+
+layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
+layout(scalar, set = SET_ENGINE, binding = 0) readonly buffer Pieces { Piece pieces[]; };
+layout(scalar, set = SET_TABLE, binding = TABLE_BUFFERS) readonly buffer Words { uint words[]; } table[];
+
+// Number of this invocation in a dispatch of GROUP-wide workgroups that may be spread over two dimensions.
+uint linear_invocation() {
+    return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * GROUP + gl_LocalInvocationIndex;
+}
+
+// The piece that holds the batch's primitive `primitive`.
+uint piece_of_primitive(const uint primitive) {
+    uint low = batch.piece_first, high = batch.piece_first + batch.piece_count - 1u;
+    while (low < high) {
+        uint middle = (low + high + 1u) >> 1;
+        bool after = pieces[middle].first_primitive > primitive;
+        low = after ? low : middle;
+        high = after ? middle - 1u : high;
+    }
+    return low;
+}
+
+// The vertex number of the draw's element `element`, before the base vertex is added.
+uint fetch_index(const Piece piece, const uint element) {
+    uint e = piece.first_element + element;
+    if (piece.index_slot == NONE) return e;
+    if (piece.index_bytes == 4u) return table[nonuniformEXT(piece.index_slot)].words[e];
+    uint word = table[nonuniformEXT(piece.index_slot)].words[e >> 1];
+    return (e & 1u) != 0u ? word >> 16 : word & 0xffffu;
+}
+#endif

@@ -1,0 +1,141 @@
+// Primitive: assembles, clips, culls and sets up every primitive of a batch.
+//
+// Reads: pieces, index buffers, clip-space positions.
+// Writes: triangles, one for each primitive and more where it is clipped; counts of the cells.
+// Contract: the triangles of a primitive cover exactly the pixel centres inside it and inside the
+// clip volume, viewport and scissor, by the top-left rule; two triangles of an edge share no pixel
+// and leave none out. `flags` is 0 for a primitive that draws nothing.
+// Kernel / Twin: src/compute/primitive.rs, src/reference/primitive.rs.
+#version 460
+#include "pieces.glsl"
+#include "lib/cells.glsl"
+#include "lib/clip.glsl"
+#include "lib/depth.glsl"
+
+layout(local_size_x = GROUP) in;
+layout(scalar, binding = 1) readonly buffer Positions { vec4 positions[]; };
+layout(scalar, binding = 2) writeonly buffer Triangles { Triangle triangles[]; };
+layout(scalar, binding = 3) buffer CellCounts { uint cell_counts[]; };
+
+uvec3 vertex_slots(const Piece piece, const uint in_piece) {
+    if (piece.vertex_mode == VERTEX_PER_CORNER) return piece.vertex_base + 3u * in_piece + uvec3(0u, 1u, 2u);
+    uint q = piece.first_in_draw + in_piece;
+    uint instance = q / piece.primitives_per_instance;
+    uvec3 element = assemble(piece.topology, q - instance * piece.primitives_per_instance);
+    uvec3 vertex = uvec3(fetch_index(piece, element.x), fetch_index(piece, element.y), fetch_index(piece, element.z));
+    return piece.vertex_base + (instance - piece.instance_min) * piece.vertices_per_instance + vertex - piece.vertex_min;
+}
+
+// Clip space to window: pixels and depth, unsnapped. The viewport transform is fused, as rasterizers
+// do it; farther out than the guard band only rounding gets, and it is cut off there.
+vec3 window(const Piece piece, const vec4 p) {
+    float inverse = exact_divide(1.0, p.w);
+    vec3 ndc = p.xyz * inverse;
+    const float far_out = float(1u << GUARD_LOG2);
+    return vec3(clamp(multiply_add(ndc.x, piece.scale.x, piece.offset.x), -far_out, far_out),
+                clamp(multiply_add(ndc.y, piece.scale.y, piece.offset.y), -far_out, far_out),
+                multiply_add(ndc.z, piece.scale.z, piece.offset.z));
+}
+
+ivec2 snap(const vec3 p) {
+    const float scale = float(1u << SUBPIXEL_BITS);
+    return ivec2(round_even((p.x - 0.5) * scale), round_even((p.y - 0.5) * scale));
+}
+
+// Sets up one triangle at `at`; returns its flags, 0 if it draws nothing.
+uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
+    ivec2 sa = snap(a), sb = snap(b), sc = snap(c);
+    int turn = wide_sign(wide_subtract(wide_product(sb.x - sa.x, sc.y - sa.y), wide_product(sc.x - sa.x, sb.y - sa.y)));
+    bool front = (turn > 0) == (piece.front_face == 1u);
+    if (turn == 0 || piece.cull == (front ? 1u : 2u)) return 0u;
+    if (turn < 0) {
+        ivec2 swap = sb;
+        sb = sc;
+        sc = swap;
+    }
+    // Pixels whose centre lies in the box of the corners: left and top sides included, the others not.
+    ivec2 low = (min(sa, min(sb, sc)) + ((1 << SUBPIXEL_BITS) - 1)) >> SUBPIXEL_BITS;
+    ivec2 high = (max(sa, max(sb, sc)) - 1) >> SUBPIXEL_BITS;
+    low = max(low, piece.rect_min);
+    high = min(high, piece.rect_max);
+    if (low.x > high.x || low.y > high.y) return 0u;
+
+    vec2 gradient = depth_gradient(a, b, c);
+    ivec2 anchor = sa >> SUBPIXEL_BITS;
+    uint flags = TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
+    uvec2 first = uvec2(low - ivec2(0, int(batch.origin_y))), last = uvec2(high - ivec2(0, int(batch.origin_y)));
+    ivec3 x = ivec3(sa.x, sb.x, sc.x), y = ivec3(sa.y, sb.y, sc.y);
+    uint level = cell_level(x, y, first, last, batch.origin_y);
+    flags |= level << TRIANGLE_LEVEL_SHIFT;
+
+    triangles[at].x = x;
+    triangles[at].y = y;
+    triangles[at].z = a.z + (gradient.x * (float(anchor.x) + 0.5 - a.x) + gradient.y * (float(anchor.y) + 0.5 - a.y));
+    triangles[at].dzdx = gradient.x;
+    triangles[at].dzdy = gradient.y;
+    triangles[at].bounds_min = first.x | first.y << 16;
+    triangles[at].bounds_max = last.x | last.y << 16;
+    triangles[at].piece = piece_index;
+    triangles[at].vertices = slots;
+
+    uvec4 range = cells_under(level, first, last);
+    for (uint row = range.y; row <= range.w; row++) {
+        for (uint column = range.x; column <= range.z; column++) {
+            if (!cell_lists(x, y, level, range, uvec2(column, row), batch.origin_y)) continue;
+            atomicAdd(cell_counts[batch.cell_first[level] + row * batch.cell_columns[level] + column], 1u);
+        }
+    }
+    return flags;
+}
+
+bool usable(const vec4 p) {
+    return is_finite(p.x) && is_finite(p.y) && is_finite(p.z) && is_finite(p.w);
+}
+
+vec4 sanitized(const vec4 p) {
+    return vec4(flush(p.x), flush(p.y), flush(p.z), flush(p.w));
+}
+
+void main() {
+    uint primitive = linear_invocation();
+    if (primitive >= batch.primitives) return;
+    uint piece_index = piece_of_primitive(primitive);
+    Piece piece = pieces[piece_index];
+    uvec3 slots = vertex_slots(piece, primitive - piece.first_primitive);
+    vec4 a = sanitized(positions[slots.x]), b = sanitized(positions[slots.y]), c = sanitized(positions[slots.z]);
+
+    // Wholly outside one side of the view volume: no clipping needed to know that nothing is seen.
+    uint outside = clip_outcode(a, vec2(1.0)) & clip_outcode(b, vec2(1.0)) & clip_outcode(c, vec2(1.0));
+    if (outside != 0u || !usable(a) || !usable(b) || !usable(c)) {
+        triangles[primitive].flags = 0u;
+        return;
+    }
+    uint clip = clip_outcode(a, piece.guard) | clip_outcode(b, piece.guard) | clip_outcode(c, piece.guard);
+    if (clip == 0u && min(a.w, min(b.w, c.w)) > 0.0) {
+        triangles[primitive].flags =
+            set_up(primitive, piece, piece_index, slots, window(piece, a), window(piece, b), window(piece, c));
+        return;
+    }
+
+    vec4 corners[CLIP_CORNERS];
+    corners[0] = a;
+    corners[1] = b;
+    corners[2] = c;
+    uint count = clip_polygon(corners, clip, piece.guard);
+    // What is left touches w = 0 only at the eye itself, which no window position belongs to.
+    bool drawable = count >= 3u;
+    for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
+    if (!drawable) {
+        triangles[primitive].flags = 0u;
+        return;
+    }
+    vec3 first = window(piece, corners[0]);
+    vec3 previous = window(piece, corners[1]);
+    for (uint part = 0u; part + 2u < count; part++) {
+        vec3 next = window(piece, corners[part + 2u]);
+        uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
+        uint flags = set_up(at, piece, piece_index, slots, first, previous, next);
+        triangles[at].flags = flags | (part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u);
+        previous = next;
+    }
+}
