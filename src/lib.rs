@@ -13,6 +13,7 @@ pub mod shader;
 pub mod state;
 pub mod target;
 pub mod texture;
+pub mod vk;
 
 pub use error::{Error, Result};
 

@@ -1,0 +1,274 @@
+//! Typed buffers.
+
+use super::{
+    error::capacity,
+    gpu::{Gpu, Shared},
+};
+use crate::error::{Error, Result};
+use ash::vk;
+use bytemuck::Pod;
+use gpu_allocator::{MemoryLocation, vulkan::Allocation};
+use std::{marker::PhantomData, ops::Range, sync::Arc};
+
+/// Which side reads and writes a buffer most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Memory {
+    /// The device; the host reaches it by copies.
+    Device,
+    /// Written by the host, read by the device.
+    Upload,
+    /// Written by the device, read by the host.
+    Readback,
+}
+
+/// `len` elements of `T` in memory that the device reaches; named, for messages and captures.
+///
+/// A clone or a [slice](Buffer::slice) is the same memory. Every buffer may be bound as storage,
+/// uniform, vertex, index and indirect buffer and be copied from and to.
+pub struct Buffer<T> {
+    raw: Arc<RawBuffer>,
+    /// First byte.
+    offset: u64,
+    len: usize,
+    element: PhantomData<fn() -> T>,
+}
+
+/// The Vulkan buffer and its memory, freed together.
+pub(crate) struct RawBuffer {
+    pub handle: vk::Buffer,
+    pub name: String,
+    /// Bytes of the Vulkan buffer.
+    pub size: u64,
+    memory: Memory,
+    allocation: Option<Allocation>,
+    gpu: Arc<Shared>,
+}
+
+/// Buffers end on a multiple of this, so that kernels may read the last bytes as whole vectors.
+const SIZE_MULTIPLE: u64 = 16;
+
+impl<T: Pod> Buffer<T> {
+    /// A buffer of `len` elements with undefined content.
+    ///
+    /// # Errors
+    /// [`Error::Capacity`] if it is larger than the device allows or has memory for.
+    pub fn new(gpu: &Gpu, name: &str, len: usize, memory: Memory) -> Result<Self> {
+        let limits = gpu.limits();
+        let bytes = (len as u64).saturating_mul(size_of::<T>() as u64);
+        let size = bytes.max(1).div_ceil(SIZE_MULTIPLE).saturating_mul(SIZE_MULTIPLE);
+        if size > limits.buffer_bytes {
+            let limit_of = format!("one buffer on {}", gpu.name());
+            return Err(capacity(
+                &format!("buffer `{name}`"),
+                bytes,
+                limit_of,
+                limits.buffer_bytes,
+            ));
+        }
+        let shared = gpu.0.clone();
+        let info = vk::BufferCreateInfo::default()
+            .size(size)
+            .usage(
+                vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::UNIFORM_BUFFER
+                    | vk::BufferUsageFlags::VERTEX_BUFFER
+                    | vk::BufferUsageFlags::INDEX_BUFFER
+                    | vk::BufferUsageFlags::INDIRECT_BUFFER
+                    | vk::BufferUsageFlags::TRANSFER_SRC
+                    | vk::BufferUsageFlags::TRANSFER_DST,
+            )
+            .sharing_mode(vk::SharingMode::EXCLUSIVE);
+        // SAFETY: the device is alive.
+        let handle = unsafe { shared.device.create_buffer(&info, None) }
+            .map_err(|e| shared.failure(&format!("creating buffer `{name}`"), e))?;
+        // From here on the buffer is destroyed by `RawBuffer` if anything fails.
+        let mut raw = RawBuffer {
+            handle,
+            name: name.to_string(),
+            size,
+            memory,
+            allocation: None,
+            gpu: shared.clone(),
+        };
+        // SAFETY: `handle` is alive and not yet bound; the memory was allocated for it.
+        unsafe {
+            let requirements = shared.device.get_buffer_memory_requirements(handle);
+            let location = match memory {
+                Memory::Device => MemoryLocation::GpuOnly,
+                Memory::Upload => MemoryLocation::CpuToGpu,
+                Memory::Readback => MemoryLocation::GpuToCpu,
+            };
+            let what = format!("buffer `{name}`");
+            let allocation = shared.allocate(&what, requirements, location, true)?;
+            let (memory, offset) = (allocation.memory(), allocation.offset());
+            raw.allocation = Some(allocation);
+            shared
+                .device
+                .bind_buffer_memory(handle, memory, offset)
+                .map_err(|e| shared.failure(&format!("binding memory of buffer `{name}`"), e))?;
+        }
+        shared.set_name(handle, name);
+        Ok(Self { raw: Arc::new(raw), offset: 0, len, element: PhantomData })
+    }
+
+    /// An [`Memory::Upload`] buffer that holds `content`.
+    ///
+    /// # Errors
+    /// As [`Buffer::new`].
+    pub fn upload(gpu: &Gpu, name: &str, content: &[T]) -> Result<Self> {
+        let buffer = Self::new(gpu, name, content.len(), Memory::Upload)?;
+        buffer.write(0, content)?;
+        Ok(buffer)
+    }
+
+    /// Writes `content` from element `first` on. The caller sees to it that no submission is using
+    /// these elements.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it is not an [`Memory::Upload`] buffer or too short.
+    pub fn write(&self, first: usize, content: &[T]) -> Result<()> {
+        if first.checked_add(content.len()).is_none_or(|end| end > self.len) {
+            return Err(Error::Usage(format!(
+                "buffer `{}` has {} elements; {} at {first} do not fit",
+                self.raw.name,
+                self.len,
+                content.len()
+            )));
+        }
+        let mapped = self.raw.mapped(Memory::Upload)?;
+        let bytes: &[u8] = bytemuck::cast_slice(content);
+        let at = self.offset as usize + first * size_of::<T>();
+        // SAFETY: `at + bytes.len()` is inside the buffer, which is mapped as a whole. Bytes of
+        // mapped memory have no Rust reference, so that writing through a pointer aliases nothing.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), mapped.add(at), bytes.len()) };
+        Ok(())
+    }
+
+    /// The content, once the recording that wrote it has run.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it is not a [`Memory::Readback`] buffer.
+    pub fn read(&self) -> Result<Vec<T>> {
+        let mapped = self.raw.mapped(Memory::Readback)?;
+        let mut content = vec![T::zeroed(); self.len];
+        let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut content);
+        // SAFETY: `offset + bytes.len()` is inside the buffer, which is mapped as a whole.
+        unsafe {
+            let from = mapped.add(self.offset as usize);
+            std::ptr::copy_nonoverlapping(from, bytes.as_mut_ptr(), bytes.len());
+        }
+        Ok(content)
+    }
+
+    /// The same bytes as elements of another type.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if they are no whole number of elements.
+    pub fn cast<U: Pod>(&self) -> Result<Buffer<U>> {
+        let bytes = self.bytes() as usize;
+        if size_of::<U>() == 0 || bytes % size_of::<U>() != 0 {
+            return Err(Error::Usage(format!(
+                "buffer `{}` has {bytes} bytes, no whole number of {}-byte elements",
+                self.raw.name,
+                size_of::<U>()
+            )));
+        }
+        Ok(Buffer {
+            raw: self.raw.clone(),
+            offset: self.offset,
+            len: bytes / size_of::<U>(),
+            element: PhantomData,
+        })
+    }
+
+    /// The elements of `range`, in the same memory. Its first byte has to be aligned to
+    /// [`super::Limits::storage_offset_bytes`] where it is bound.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the range is outside.
+    pub fn slice(&self, range: Range<usize>) -> Result<Buffer<T>> {
+        if range.start > range.end || range.end > self.len {
+            return Err(Error::Usage(format!(
+                "buffer `{}` has {} elements, not {range:?}",
+                self.raw.name, self.len
+            )));
+        }
+        Ok(Buffer {
+            raw: self.raw.clone(),
+            offset: self.offset + (range.start * size_of::<T>()) as u64,
+            len: range.len(),
+            element: PhantomData,
+        })
+    }
+
+    /// Elements.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether it has no elements.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Bytes of all elements.
+    pub fn bytes(&self) -> u64 {
+        (self.len * size_of::<T>()) as u64
+    }
+
+    /// The name it was made with.
+    pub fn name(&self) -> &str {
+        &self.raw.name
+    }
+
+    pub(crate) fn raw(&self) -> &Arc<RawBuffer> {
+        &self.raw
+    }
+
+    /// First byte in the Vulkan buffer.
+    pub(crate) fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// Bytes that a descriptor covers: all elements, rounded up to whole words where the buffer
+    /// goes on, and never 0, which Vulkan does not allow.
+    pub(crate) fn descriptor_bytes(&self) -> u64 {
+        self.bytes().max(1).next_multiple_of(4).min(self.raw.size - self.offset)
+    }
+}
+
+impl<T> Clone for Buffer<T> {
+    fn clone(&self) -> Self {
+        Self { raw: self.raw.clone(), offset: self.offset, len: self.len, element: PhantomData }
+    }
+}
+
+impl<T> std::fmt::Debug for Buffer<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Buffer `{}` of {} x {} bytes", self.raw.name, self.len, size_of::<T>())
+    }
+}
+
+impl RawBuffer {
+    /// The mapped memory of a buffer made for `memory`.
+    fn mapped(&self, memory: Memory) -> Result<*mut u8> {
+        let pointer = self.allocation.as_ref().and_then(Allocation::mapped_ptr);
+        match pointer {
+            Some(pointer) if self.memory == memory => Ok(pointer.as_ptr().cast()),
+            _ => Err(Error::Usage(format!(
+                "buffer `{}` is for {:?}, the host needs one for {memory:?}",
+                self.name, self.memory
+            ))),
+        }
+    }
+}
+
+impl Drop for RawBuffer {
+    fn drop(&mut self) {
+        // SAFETY: the last handle goes; recordings that use it hold it until their fence.
+        unsafe { self.gpu.device.destroy_buffer(self.handle, None) };
+        if let Some(allocation) = self.allocation.take() {
+            self.gpu.free(allocation);
+        }
+    }
+}

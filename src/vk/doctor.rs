@@ -1,0 +1,216 @@
+//! What is there, what is missing, and the exact fix: the data behind `tilewright doctor`.
+
+use super::{
+    device::{self, DeviceInfo},
+    instance::{Instance, VALIDATION_LAYER, loader},
+};
+use ash::vk;
+use std::path::{Path, PathBuf};
+
+/// The state of Vulkan on this machine.
+#[derive(Clone, Debug)]
+pub struct Doctor {
+    /// The loader's version, or why there is none.
+    pub loader: std::result::Result<String, String>,
+    /// Driver files (ICD manifests) in the order in which the loader looks for them.
+    pub drivers: Vec<DriverFile>,
+    /// Whether the validation layer is installed, which tests need.
+    pub validation_layer: bool,
+    /// Variables that change which drivers are seen, where set.
+    pub environment: Vec<(String, String)>,
+    /// Devices of all drivers.
+    pub devices: Vec<DeviceInfo>,
+    /// What is wrong, the worst first; empty if all is well.
+    pub findings: Vec<Finding>,
+}
+
+/// One driver file.
+#[derive(Clone, Debug)]
+pub struct DriverFile {
+    /// The JSON file.
+    pub path: PathBuf,
+    /// The library it names, as written.
+    pub library: String,
+    /// Why this driver cannot be loaded, if so.
+    pub fault: Option<String>,
+}
+
+/// How bad a [`Finding`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Nothing can be rendered.
+    Error,
+    /// Something does not work, rendering does.
+    Warning,
+}
+
+/// Something that is wrong, with its fix.
+#[derive(Clone, Debug)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What is wrong, as a sentence.
+    pub problem: String,
+    /// What to do, where it is known: usually a command.
+    pub fix: String,
+}
+
+const INSTALL_LOADER: &str = "Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers";
+const INSTALL_DRIVER: &str =
+    "Debian, Ubuntu: apt install mesa-vulkan-drivers (on Debian 12: from bookworm-backports)";
+const INSTALL_LAYER: &str = "Debian, Ubuntu: apt install vulkan-validationlayers";
+
+/// Variables that the loader obeys when it looks for drivers and layers, and ours.
+const VARIABLES: [&str; 8] = [
+    "VK_DRIVER_FILES",
+    "VK_ICD_FILENAMES",
+    "VK_ADD_DRIVER_FILES",
+    "VK_LOADER_DRIVERS_SELECT",
+    "VK_LOADER_DRIVERS_DISABLE",
+    "VK_LAYER_PATH",
+    "VK_INSTANCE_LAYERS",
+    device::DEVICE_VARIABLE,
+];
+
+/// Examines this machine. It never fails: what is wrong is the answer.
+pub fn doctor() -> Doctor {
+    let environment: Vec<_> =
+        VARIABLES.iter().filter_map(|v| Some((v.to_string(), std::env::var(v).ok()?))).collect();
+    let drivers: Vec<_> = driver_files().into_iter().map(|path| examine(&path)).collect();
+    let loader = loader().map_err(|e| e.to_string());
+    let mut findings = Vec::new();
+    let mut error = |problem: String, fix: &str| {
+        findings.push(Finding { severity: Severity::Error, problem, fix: fix.into() });
+    };
+    let mut devices = Vec::new();
+    let mut validation_layer = false;
+    match &loader {
+        Err(e) => error(e.clone(), INSTALL_LOADER),
+        Ok(entry) => {
+            // SAFETY: a query without preconditions.
+            let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+            validation_layer =
+                layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER));
+            match Instance::new(false).and_then(|i| device::candidates(&i)) {
+                Ok(candidates) => devices = candidates.into_iter().map(|c| c.info).collect(),
+                Err(e) => error(e.to_string(), INSTALL_DRIVER),
+            }
+            if devices.is_empty() && drivers.iter().all(|d| d.fault.is_some()) {
+                error("no driver file names a driver that exists".into(), INSTALL_DRIVER);
+            } else if !devices.is_empty() && devices.iter().all(|d| !d.missing.is_empty()) {
+                error("no device meets all requirements".into(), INSTALL_DRIVER);
+            }
+        }
+    }
+    let mut warn = |problem: String, fix: &str| {
+        findings.push(Finding { severity: Severity::Warning, problem, fix: fix.into() });
+    };
+    for driver in &drivers {
+        if let Some(fault) = &driver.fault {
+            let fix = format!("install the package that the library {} belongs to", driver.library);
+            warn(format!("driver file {} {fault}", driver.path.display()), &fix);
+        }
+    }
+    for device in &devices {
+        for missing in &device.missing {
+            let problem =
+                format!("{device} lacks {} ({}): it {}", missing.name, missing.why, missing.found);
+            warn(problem, "install a newer driver, or use another device");
+        }
+    }
+    if !validation_layer {
+        let problem = "the validation layer is not installed; only tests need it";
+        warn(problem.into(), INSTALL_LAYER);
+    }
+    findings.sort_by_key(|f| f.severity);
+    let version = |entry: &ash::Entry| {
+        // SAFETY: a query without preconditions.
+        let version = unsafe { entry.try_enumerate_instance_version() };
+        let version = version.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
+        format!(
+            "{}.{}.{}",
+            vk::api_version_major(version),
+            vk::api_version_minor(version),
+            vk::api_version_patch(version)
+        )
+    };
+    let loader = loader.map(version);
+    Doctor { loader, drivers, validation_layer, environment, devices, findings }
+}
+
+impl Doctor {
+    /// Whether something can be rendered.
+    pub fn is_well(&self) -> bool {
+        self.findings.iter().all(|f| f.severity != Severity::Error)
+    }
+}
+
+/// The driver files that the loader reads, by its own rules on Linux.
+fn driver_files() -> Vec<PathBuf> {
+    let list = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty());
+    let split = |v: std::ffi::OsString| std::env::split_paths(&v).collect::<Vec<_>>();
+    let mut roots = Vec::new();
+    if let Some(only) = list("VK_DRIVER_FILES").or_else(|| list("VK_ICD_FILENAMES")) {
+        roots.extend(split(only));
+    } else {
+        roots.extend(list("VK_ADD_DRIVER_FILES").map(split).unwrap_or_default());
+        let home = list("HOME").map(PathBuf::from).unwrap_or_default();
+        let base = |name: &str, otherwise: PathBuf| list(name).map_or(otherwise, PathBuf::from);
+        let several =
+            |name: &str, otherwise: &str| list(name).map_or_else(|| split(otherwise.into()), split);
+        let mut bases = vec![base("XDG_CONFIG_HOME", home.join(".config"))];
+        bases.extend(several("XDG_CONFIG_DIRS", "/etc/xdg"));
+        bases.push("/etc".into());
+        bases.push(base("XDG_DATA_HOME", home.join(".local/share")));
+        bases.extend(several("XDG_DATA_DIRS", "/usr/local/share:/usr/share"));
+        roots.extend(bases.into_iter().map(|b| b.join("vulkan/icd.d")));
+    }
+    let mut files = Vec::new();
+    for root in roots {
+        if root.is_dir() {
+            let Ok(entries) = std::fs::read_dir(&root) else { continue };
+            let mut found: Vec<_> = entries.flatten().map(|e| e.path()).collect();
+            found.retain(|p| p.extension().is_some_and(|e| e == "json"));
+            found.sort();
+            files.extend(found);
+        } else if root.extension().is_some_and(|e| e == "json") {
+            files.push(root);
+        }
+    }
+    files
+}
+
+/// Reads a driver file and looks for its library.
+fn examine(path: &Path) -> DriverFile {
+    let fault = |library: &str, fault: String| DriverFile {
+        path: path.into(),
+        library: library.into(),
+        fault: Some(fault),
+    };
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(e) => return fault("", format!("cannot be read: {e}")),
+    };
+    let json: serde_json::Value = match serde_json::from_str(&text) {
+        Ok(json) => json,
+        Err(e) => return fault("", format!("is no JSON: {e}")),
+    };
+    let Some(library) = json["ICD"]["library_path"].as_str() else {
+        return fault("", "names no library".into());
+    };
+    // A bare name is searched by the dynamic linker, a path with a slash starts at the file.
+    let file = if library.contains('/') {
+        path.parent().unwrap_or(Path::new(".")).join(library)
+    } else {
+        PathBuf::from(library)
+    };
+    // SAFETY: the loader loads the same library when it makes an instance.
+    match unsafe { libloading::Library::new(&file) } {
+        Ok(loaded) => {
+            // Drivers do not survive being unloaded; see `loader`.
+            std::mem::forget(loaded);
+            DriverFile { path: path.into(), library: library.into(), fault: None }
+        }
+        Err(e) => fault(library, format!("names a library that cannot be loaded: {e}")),
+    }
+}

@@ -1,0 +1,403 @@
+//! The opened device: queue, memory, layouts and caches, shared by everything made from it.
+
+use super::{
+    cache,
+    device::{self, DeviceInfo, DeviceKind, Require},
+    error::{capacity, describe, out_of_memory},
+    instance::Instance,
+    requirements::Probe,
+    sampler::SamplerKey,
+    table::{self, TableSizes},
+};
+use crate::error::{Error, Result};
+use ash::{ext, vk};
+use gpu_allocator::{
+    AllocationSizes, MemoryLocation,
+    vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc},
+};
+use std::{
+    collections::HashMap,
+    path::PathBuf,
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+/// How to open a device.
+#[derive(Clone, Debug)]
+pub struct GpuOptions {
+    /// Index, UUID or name pattern; `None` takes the variable `TILEWRIGHT_DEVICE`, or the best one.
+    pub device: Option<String>,
+    /// Which kind of device is acceptable.
+    pub require: Require,
+    /// Loads the validation layer. Also on if the variable `TILEWRIGHT_VALIDATION` is `1`.
+    pub validation: bool,
+    /// How long one submission may take before the device counts as lost.
+    pub timeout: Duration,
+    /// Where compiled pipelines are kept; `None` keeps none.
+    pub cache: Option<PathBuf>,
+    /// Size of the resource table.
+    pub table: TableSizes,
+}
+
+impl Default for GpuOptions {
+    fn default() -> Self {
+        Self {
+            device: None,
+            require: Require::Any,
+            validation: false,
+            timeout: Duration::from_secs(30),
+            cache: cache::default_folder(),
+            table: TableSizes::default(),
+        }
+    }
+}
+
+/// Limits of an opened device that callers plan by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes that one storage-buffer binding reaches.
+    pub storage_range_bytes: u64,
+    /// Bytes of one buffer.
+    pub buffer_bytes: u64,
+    /// Alignment of a storage-buffer binding's offset.
+    pub storage_offset_bytes: u64,
+    /// Workgroups of one dispatch, in each direction.
+    pub dispatch: [u32; 3],
+    /// Invocations of one workgroup.
+    pub workgroup_invocations: u32,
+    /// Shared memory of one workgroup.
+    pub shared_bytes: u32,
+    /// The subgroup size that a kernel gets if it asks for none.
+    pub subgroup_size: u32,
+    /// The subgroup sizes that a kernel may ask for.
+    pub subgroup_sizes: (u32, u32),
+    /// Pixels of a two-dimensional image, in each direction.
+    pub image_side_px: u32,
+    /// Bytes of device-local memory.
+    pub memory_bytes: u64,
+}
+
+/// An opened device. Cheap to clone; the device is closed with the last clone and the last resource.
+#[derive(Clone)]
+pub struct Gpu(pub(crate) Arc<Shared>);
+
+/// What all handles share. Fields that need the device are destroyed in `drop`, in order.
+pub(crate) struct Shared {
+    pub device: ash::Device,
+    pub queue: Mutex<vk::Queue>,
+    pub family: u32,
+    pub info: DeviceInfo,
+    pub limits: Limits,
+    pub graphics: bool,
+    pub derivatives: bool,
+    pub int64_atomics: bool,
+    pub unified_memory: bool,
+    pub timestamps: Option<TimestampUnit>,
+    pub timeout: Duration,
+    pub push_constant_bytes: u32,
+    pub debug: Option<ext::debug_utils::Device>,
+    pub validation: bool,
+    pub pipeline_cache: vk::PipelineCache,
+    pub table_layout: vk::DescriptorSetLayout,
+    pub table_sizes: TableSizes,
+    pub(super) samplers: Mutex<HashMap<SamplerKey, vk::Sampler>>,
+    /// Set once the device was lost or did not answer: nothing is waited for any more.
+    pub lost: AtomicBool,
+    allocator: Mutex<Option<Allocator>>,
+    cache_file: Option<PathBuf>,
+    // Last: the instance outlives the device.
+    instance: Instance,
+}
+
+/// How timestamps become nanoseconds.
+#[derive(Clone, Copy)]
+pub(crate) struct TimestampUnit {
+    pub ns_per_tick: f64,
+    pub mask: u64,
+}
+
+impl Gpu {
+    /// Opens the device that `options` asks for.
+    ///
+    /// # Errors
+    /// [`Error::Device`] without a loader, a driver or a device that meets all [`super::REQUIREMENTS`];
+    /// the message names the device, what is missing and what to do.
+    pub fn open(options: &GpuOptions) -> Result<Self> {
+        let asked = std::env::var("TILEWRIGHT_VALIDATION").is_ok_and(|v| v == "1");
+        let validation = options.validation || asked;
+        let instance = Instance::new(validation)?;
+        let device::Candidate { raw: physical, probe, info } =
+            device::pick(&instance, options.device.as_deref(), options.require)?;
+        let (family, graphics) = probe
+            .family()
+            .ok_or_else(|| Error::Device(format!("{} has no compute queue", info.name)))?;
+        let graphics = graphics && probe.features13.dynamic_rendering == vk::TRUE;
+        let device = create_device(&instance.raw, physical, &probe, family)
+            .map_err(|e| describe(&info.name, "opening it", e))?;
+        // SAFETY: one queue of `family` was created with the device.
+        let queue = unsafe { device.get_device_queue(family, 0) };
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.raw.clone(),
+            device: device.clone(),
+            physical_device: physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            // Small blocks: CPU drivers commit memory that is merely reserved.
+            allocation_sizes: AllocationSizes::new(32 << 20, 16 << 20),
+        });
+        let debug =
+            instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+        let table_sizes = options.table.capped(&probe);
+        let cache_file = options.cache.as_deref().map(|folder| cache::file(folder, &probe));
+        let bits = probe.queues[family as usize].timestamp_valid_bits;
+        let heaps = probe.memory.memory_types_as_slice();
+        let all_local =
+            vk::MemoryPropertyFlags::DEVICE_LOCAL | vk::MemoryPropertyFlags::HOST_VISIBLE;
+        let mut shared = Shared {
+            queue: Mutex::new(queue),
+            family,
+            limits: limits(&probe, &info),
+            graphics,
+            derivatives: probe.derivatives_extension().is_some(),
+            int64_atomics: probe.features12.shader_buffer_int64_atomics
+                & probe.features.shader_int64
+                == vk::TRUE,
+            unified_memory: info.kind == DeviceKind::Cpu
+                || heaps.iter().all(|t| t.property_flags.contains(all_local)),
+            timestamps: (bits > 0).then(|| TimestampUnit {
+                ns_per_tick: f64::from(probe.properties.limits.timestamp_period),
+                mask: u64::MAX >> (64 - bits.min(64)),
+            }),
+            timeout: options.timeout,
+            push_constant_bytes: probe.properties.limits.max_push_constants_size,
+            debug,
+            validation,
+            pipeline_cache: vk::PipelineCache::null(),
+            table_layout: vk::DescriptorSetLayout::null(),
+            table_sizes,
+            samplers: Mutex::default(),
+            lost: AtomicBool::new(false),
+            allocator: Mutex::new(None),
+            cache_file,
+            info,
+            device,
+            instance,
+        };
+        // From here on `shared` is dropped, and with it the device, if anything fails.
+        let allocator =
+            allocator.map_err(|e| Error::Device(format!("{}: {e}", shared.info.name)))?;
+        shared.allocator = Mutex::new(Some(allocator));
+        shared.table_layout = table::layout(&shared)?;
+        shared.pipeline_cache = cache::open(&shared, shared.cache_file.as_deref())?;
+        log::info!("device: {}", shared.info);
+        Ok(Self(Arc::new(shared)))
+    }
+
+    /// The device, as [`super::devices`] lists it. Its `Display` is what every run prints.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.0.info
+    }
+
+    /// The limits that callers plan by.
+    pub fn limits(&self) -> Limits {
+        self.0.limits
+    }
+
+    /// Whether the device can draw by itself, so that `classic` works on it.
+    pub fn has_graphics(&self) -> bool {
+        self.0.graphics
+    }
+
+    /// Whether compute kernels may use derivative instructions (`VK_KHR_compute_shader_derivatives`).
+    pub fn has_compute_derivatives(&self) -> bool {
+        self.0.derivatives
+    }
+
+    /// Whether kernels may use 64-bit atomics on storage buffers.
+    pub fn has_int64_atomics(&self) -> bool {
+        self.0.int64_atomics
+    }
+
+    /// What the validation layer reported so far, in order; empty without it. It takes nothing away.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.0.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Writes compiled pipelines to the cache now, rather than when the device is closed.
+    pub fn save_pipeline_cache(&self) {
+        cache::save(&self.0, self.0.cache_file.as_deref());
+    }
+
+    pub(crate) fn name(&self) -> &str {
+        &self.0.info.name
+    }
+
+    /// The error for a call that failed while doing `what`; remembers a lost device.
+    pub(crate) fn failure(&self, what: &str, result: vk::Result) -> Error {
+        self.0.failure(what, result)
+    }
+}
+
+impl std::fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Gpu").field(&self.0.info.name).finish()
+    }
+}
+
+impl Shared {
+    pub fn failure(&self, what: &str, result: vk::Result) -> Error {
+        if result == vk::Result::ERROR_DEVICE_LOST {
+            self.lost.store(true, Ordering::Relaxed);
+        }
+        if out_of_memory(result) {
+            return capacity(what, 0, self.memory_limit_name(), self.limits.memory_bytes);
+        }
+        describe(&self.info.name, what, result)
+    }
+
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Relaxed)
+    }
+
+    pub fn lock_queue(&self) -> MutexGuard<'_, vk::Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn memory_limit_name(&self) -> String {
+        format!("device memory of {}", self.info.name)
+    }
+
+    /// Memory for one buffer or image called `what`.
+    pub fn allocate(
+        &self,
+        what: &str,
+        requirements: vk::MemoryRequirements,
+        location: MemoryLocation,
+        linear: bool,
+    ) -> Result<Allocation> {
+        let full = || {
+            capacity(what, requirements.size, self.memory_limit_name(), self.limits.memory_bytes)
+        };
+        if requirements.size > self.limits.memory_bytes {
+            return Err(full());
+        }
+        let mut guard = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(allocator) = guard.as_mut() else { return Err(full()) };
+        allocator
+            .allocate(&AllocationCreateDesc {
+                name: what,
+                requirements,
+                location,
+                linear,
+                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+            })
+            .map_err(|e| {
+                log::error!("{what}: {e}");
+                full()
+            })
+    }
+
+    pub fn free(&self, allocation: Allocation) {
+        let mut guard = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(allocator) = guard.as_mut() {
+            if let Err(e) = allocator.free(allocation) {
+                log::error!("device memory was not freed: {e}");
+            }
+        }
+    }
+
+    /// Names a Vulkan object for the validation layer's messages and for captures.
+    pub fn set_name<H: vk::Handle>(&self, handle: H, name: &str) {
+        let Some(debug) = self.debug.as_ref().filter(|_| self.validation) else { return };
+        let Ok(name) = std::ffi::CString::new(name) else { return };
+        let info =
+            vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
+        // SAFETY: the handle belongs to this device and the name outlives the call. A failure
+        // costs a name and nothing else.
+        let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+    }
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        if !self.is_lost() {
+            cache::save(self, self.cache_file.as_deref());
+        }
+        // SAFETY: every handle that was made from this device held it, so none is left; a device
+        // that is lost is not waited for.
+        unsafe {
+            if !self.is_lost() {
+                let _ = self.device.device_wait_idle();
+            }
+            let samplers = self.samplers.get_mut().unwrap_or_else(PoisonError::into_inner);
+            for (_, sampler) in samplers.drain() {
+                self.device.destroy_sampler(sampler, None);
+            }
+            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
+            self.device.destroy_descriptor_set_layout(self.table_layout, None);
+            drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
+            self.device.destroy_device(None);
+        }
+    }
+}
+
+/// Opens the device with everything on that it offers, since users' shaders may need any of it,
+/// except robust access, which costs time in every kernel.
+fn create_device(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    probe: &Probe,
+    family: u32,
+) -> std::result::Result<ash::Device, vk::Result> {
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(family)
+        .queue_priorities(&priorities)];
+    let mut features = probe.features;
+    features.robust_buffer_access = vk::FALSE;
+    let (mut features11, mut features12, mut features13) =
+        (probe.features11, probe.features12, probe.features13);
+    features11.protected_memory = vk::FALSE;
+    features12.buffer_device_address_capture_replay = vk::FALSE;
+    features12.buffer_device_address_multi_device = vk::FALSE;
+    features13.robust_image_access = vk::FALSE;
+    // ash knows the structure under its older name; the structure type is the same.
+    let mut derivatives = vk::PhysicalDeviceComputeShaderDerivativesFeaturesNV::default()
+        .compute_derivative_group_linear(true);
+    let mut extensions = Vec::new();
+    let mut all = vk::PhysicalDeviceFeatures2::default()
+        .features(features)
+        .push_next(&mut features11)
+        .push_next(&mut features12)
+        .push_next(&mut features13);
+    if let Some(name) = probe.derivatives_extension() {
+        extensions.push(name.as_ptr());
+        all = all.push_next(&mut derivatives);
+    }
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
+        .push_next(&mut all);
+    // SAFETY: every feature that is on was reported by this device; all pointers outlive the call.
+    unsafe { instance.create_device(physical, &info, None) }
+}
+
+fn limits(probe: &Probe, info: &DeviceInfo) -> Limits {
+    let l = &probe.properties.limits;
+    let allocation = probe.vulkan11.max_memory_allocation_size;
+    Limits {
+        storage_range_bytes: u64::from(l.max_storage_buffer_range),
+        buffer_bytes: probe.vulkan13.max_buffer_size.min(allocation),
+        storage_offset_bytes: l.min_storage_buffer_offset_alignment,
+        dispatch: l.max_compute_work_group_count,
+        workgroup_invocations: l.max_compute_work_group_invocations,
+        shared_bytes: l.max_compute_shared_memory_size,
+        subgroup_size: probe.vulkan11.subgroup_size,
+        subgroup_sizes: info.subgroup_sizes,
+        image_side_px: l.max_image_dimension2_d,
+        memory_bytes: info.memory_bytes,
+    }
+}

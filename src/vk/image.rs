@@ -1,0 +1,214 @@
+//! Images: sampled textures, storage images and attachments.
+
+use super::{
+    error::capacity,
+    gpu::{Gpu, Shared},
+};
+use crate::{error::Result, format::Format, image::Extent};
+use ash::vk;
+use gpu_allocator::{MemoryLocation, vulkan::Allocation};
+use std::sync::Arc;
+
+/// What an image is for; it decides usage and resting layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ImageUse {
+    /// Uploaded once, then sampled by shaders.
+    Sampled,
+    /// Read and written by shaders as a storage image.
+    Storage,
+    /// A colour or depth attachment that is copied out.
+    Attachment,
+}
+
+/// How to make an [`Image`].
+#[derive(Clone, Copy, Debug)]
+pub struct ImageInfo<'a> {
+    /// For messages and captures.
+    pub name: &'a str,
+    /// Size of level 0.
+    pub extent: Extent,
+    /// Layout of a texel.
+    pub format: Format,
+    /// Mip levels.
+    pub levels: u32,
+    /// What it is for.
+    pub usage: ImageUse,
+}
+
+/// A two-dimensional image with its view. A clone is the same image.
+#[derive(Clone)]
+pub struct Image(pub(crate) Arc<RawImage>);
+
+pub(crate) struct RawImage {
+    pub handle: vk::Image,
+    pub view: vk::ImageView,
+    pub name: String,
+    pub extent: Extent,
+    pub format: Format,
+    pub levels: u32,
+    pub usage: ImageUse,
+    allocation: Option<Allocation>,
+    gpu: Arc<Shared>,
+}
+
+impl Image {
+    /// An image with undefined content.
+    ///
+    /// # Errors
+    /// [`crate::Error::Capacity`] if it is larger than the device allows or has memory for.
+    pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
+        let what = format!("image `{}` ({})", info.name, info.extent);
+        let side = gpu.limits().image_side_px;
+        let bytes = (info.extent.pixels() * info.format.texel_bytes()) as u64;
+        if info.extent.width.max(info.extent.height) > side {
+            let limit_of = format!("an image of {side} pixels a side on {}", gpu.name());
+            let limit = u64::from(side).pow(2) * info.format.texel_bytes() as u64;
+            return Err(capacity(&what, bytes, limit_of, limit));
+        }
+        let shared = gpu.0.clone();
+        let depth = info.format == Format::D32Float;
+        let transfer = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        let usage = match (info.usage, depth) {
+            (ImageUse::Sampled, _) => vk::ImageUsageFlags::SAMPLED,
+            (ImageUse::Storage, _) => vk::ImageUsageFlags::STORAGE,
+            (ImageUse::Attachment, true) => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+            (ImageUse::Attachment, false) => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+        };
+        let create = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(vk_format(info.format))
+            .extent(vk::Extent3D { width: info.extent.width, height: info.extent.height, depth: 1 })
+            .mip_levels(info.levels)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .tiling(vk::ImageTiling::OPTIMAL)
+            .usage(usage | transfer)
+            .sharing_mode(vk::SharingMode::EXCLUSIVE)
+            .initial_layout(vk::ImageLayout::UNDEFINED);
+        // SAFETY: the device is alive; `RawImage` owns the handle from here on.
+        let handle = unsafe { shared.device.create_image(&create, None) }
+            .map_err(|e| shared.failure(&format!("creating {what}"), e))?;
+        let mut raw = RawImage {
+            handle,
+            view: vk::ImageView::null(),
+            name: info.name.to_string(),
+            extent: info.extent,
+            format: info.format,
+            levels: info.levels,
+            usage: info.usage,
+            allocation: None,
+            gpu: shared.clone(),
+        };
+        // SAFETY: `handle` is alive and not yet bound; the memory was allocated for it.
+        unsafe {
+            let requirements = shared.device.get_image_memory_requirements(handle);
+            let allocation =
+                shared.allocate(&what, requirements, MemoryLocation::GpuOnly, false)?;
+            let (memory, offset) = (allocation.memory(), allocation.offset());
+            raw.allocation = Some(allocation);
+            shared
+                .device
+                .bind_image_memory(handle, memory, offset)
+                .map_err(|e| shared.failure(&format!("binding memory of {what}"), e))?;
+            let view = vk::ImageViewCreateInfo::default()
+                .image(handle)
+                .view_type(vk::ImageViewType::TYPE_2D)
+                .format(vk_format(info.format))
+                .subresource_range(raw.range());
+            raw.view = shared
+                .device
+                .create_image_view(&view, None)
+                .map_err(|e| shared.failure(&format!("creating the view of {what}"), e))?;
+        }
+        shared.set_name(handle, info.name);
+        Ok(Self(Arc::new(raw)))
+    }
+
+    /// Size of level 0.
+    pub fn extent(&self) -> Extent {
+        self.0.extent
+    }
+
+    /// Layout of a texel.
+    pub fn format(&self) -> Format {
+        self.0.format
+    }
+
+    /// The name it was made with.
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+}
+
+impl std::fmt::Debug for Image {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Image `{}` of {} {:?}", self.0.name, self.0.extent, self.0.format)
+    }
+}
+
+impl RawImage {
+    pub fn aspect(&self) -> vk::ImageAspectFlags {
+        match self.format {
+            Format::D32Float => vk::ImageAspectFlags::DEPTH,
+            _ => vk::ImageAspectFlags::COLOR,
+        }
+    }
+
+    /// All levels.
+    pub fn range(&self) -> vk::ImageSubresourceRange {
+        vk::ImageSubresourceRange::default()
+            .aspect_mask(self.aspect())
+            .level_count(self.levels)
+            .layer_count(1)
+    }
+
+    /// The whole of one level, in the layout of a buffer without padding.
+    pub fn copy_of_level(&self, level: u32, buffer_offset: u64) -> vk::BufferImageCopy {
+        let extent = level_extent(self.extent, level);
+        vk::BufferImageCopy::default()
+            .buffer_offset(buffer_offset)
+            .image_subresource(
+                vk::ImageSubresourceLayers::default()
+                    .aspect_mask(self.aspect())
+                    .mip_level(level)
+                    .layer_count(1),
+            )
+            .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 })
+    }
+
+    /// The layout in which shaders find it.
+    pub fn shader_layout(&self) -> vk::ImageLayout {
+        match self.usage {
+            ImageUse::Sampled => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+            ImageUse::Storage | ImageUse::Attachment => vk::ImageLayout::GENERAL,
+        }
+    }
+}
+
+impl Drop for RawImage {
+    fn drop(&mut self) {
+        // SAFETY: the last handle goes; recordings and tables that use it hold it.
+        unsafe {
+            self.gpu.device.destroy_image_view(self.view, None);
+            self.gpu.device.destroy_image(self.handle, None);
+        }
+        if let Some(allocation) = self.allocation.take() {
+            self.gpu.free(allocation);
+        }
+    }
+}
+
+/// Size of mip level `level` of an image of `extent`.
+pub(crate) fn level_extent(extent: Extent, level: u32) -> Extent {
+    let shrink = |n: u32| n.checked_shr(level).unwrap_or(0).max(1);
+    Extent::new(shrink(extent.width), shrink(extent.height))
+}
+
+pub(crate) fn vk_format(format: Format) -> vk::Format {
+    match format {
+        Format::Rgba8Unorm => vk::Format::R8G8B8A8_UNORM,
+        Format::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
+        Format::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
+        Format::D32Float => vk::Format::D32_SFLOAT,
+    }
+}

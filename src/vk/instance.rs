@@ -1,0 +1,155 @@
+//! The loader, the instance, and the messages of the validation layer.
+
+use crate::error::{Error, Result};
+use ash::{ext, vk};
+use std::{
+    ffi::{CStr, c_void},
+    sync::{Arc, Mutex, OnceLock},
+};
+
+/// The layer that checks every call.
+pub(super) const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Messages of the validation layer that are not ours to fix, by message id name, with the reason.
+/// This is the only filter there is: whatever is not listed here fails the test that caused it.
+const FILTERED: &[(&str, &str)] = &[];
+
+/// Warnings and errors that the validation layer reported, in order.
+pub(super) type Messages = Arc<Mutex<Vec<String>>>;
+
+/// The instance. Destroyed on drop, after everything that was made from it.
+pub(super) struct Instance {
+    pub raw: ash::Instance,
+    /// Whether `VK_EXT_debug_utils` is on: labels and names cost nothing without a listener.
+    pub debug_utils: bool,
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    pub messages: Messages,
+}
+
+/// The loader, opened once and never closed: drivers leave threads and exit handlers behind that do
+/// not survive being unloaded.
+pub(super) fn loader() -> Result<&'static ash::Entry> {
+    static ENTRY: OnceLock<std::result::Result<ash::Entry, String>> = OnceLock::new();
+    // SAFETY: loading runs the loader's initialisers; it is the system's own Vulkan loader.
+    ENTRY.get_or_init(|| unsafe { ash::Entry::load() }.map_err(|e| e.to_string())).as_ref().map_err(
+        |reason| {
+            Error::Device(format!(
+                "no Vulkan loader: {reason}; install it and a driver \
+                 (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)"
+            ))
+        },
+    )
+}
+
+impl Instance {
+    pub fn new(validation: bool) -> Result<Self> {
+        let entry = loader()?;
+        // SAFETY: a query without preconditions.
+        let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+        if validation && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+            return Err(Error::Device(
+                "validation was asked for, but the layer VK_LAYER_KHRONOS_validation is not \
+                 installed (Debian, Ubuntu: apt install vulkan-validationlayers)"
+                    .into(),
+            ));
+        }
+        // SAFETY: a query without preconditions.
+        let extensions =
+            unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
+        let debug_utils = validation
+            || extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
+
+        let application = vk::ApplicationInfo::default()
+            .application_name(c"tilewright")
+            .engine_name(c"tilewright")
+            .api_version(vk::API_VERSION_1_3);
+        let layer_names = if validation { vec![VALIDATION_LAYER.as_ptr()] } else { vec![] };
+        let extension_names =
+            if debug_utils { vec![ext::debug_utils::NAME.as_ptr()] } else { vec![] };
+        let messages = Messages::default();
+        // Chained to the instance as well, so that messages about its creation are seen.
+        let mut messenger_info = messenger_info(&messages);
+        let mut info = vk::InstanceCreateInfo::default()
+            .application_info(&application)
+            .enabled_layer_names(&layer_names)
+            .enabled_extension_names(&extension_names);
+        if validation {
+            info = info.push_next(&mut messenger_info);
+        }
+        // SAFETY: all pointers in `info` outlive the call; `messages` outlives the instance.
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
+            Error::Device(match e {
+                vk::Result::ERROR_INCOMPATIBLE_DRIVER => format!(
+                    "no Vulkan driver was found{} (Debian, Ubuntu: apt install mesa-vulkan-drivers \
+                     gives a CPU driver that works everywhere)",
+                    match std::env::var("VK_DRIVER_FILES") {
+                        Ok(files) => format!(" in VK_DRIVER_FILES={files}"),
+                        Err(_) => String::new(),
+                    }
+                ),
+                e => format!("the Vulkan instance could not be created: {e}"),
+            })
+        })?;
+        let messenger = if validation {
+            let loader = ext::debug_utils::Instance::new(entry, &raw);
+            // SAFETY: the instance was created with VK_EXT_debug_utils.
+            unsafe { loader.create_debug_utils_messenger(&messenger_info, None) }
+                .ok()
+                .map(|messenger| (loader, messenger))
+        } else {
+            None
+        };
+        Ok(Self { raw, debug_utils, messenger, messages })
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: all children are destroyed: whoever made them held this instance.
+        unsafe {
+            if let Some((loader, messenger)) = self.messenger.take() {
+                loader.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.raw.destroy_instance(None);
+        }
+    }
+}
+
+/// The messenger that appends warnings and errors to `messages`, which it points to.
+fn messenger_info(messages: &Messages) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
+    type Severity = vk::DebugUtilsMessageSeverityFlagsEXT;
+    type Type = vk::DebugUtilsMessageTypeFlagsEXT;
+    vk::DebugUtilsMessengerCreateInfoEXT::default()
+        .message_severity(Severity::WARNING | Severity::ERROR)
+        .message_type(Type::GENERAL | Type::VALIDATION | Type::PERFORMANCE)
+        .pfn_user_callback(Some(on_message))
+        .user_data(Arc::as_ptr(messages) as *mut c_void)
+}
+
+unsafe extern "system" fn on_message(
+    severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    messages: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: the layer passes valid data; `messages` is the pointer of `messenger_info`, whose
+    // `Arc` the instance holds.
+    let (id, text, messages) = unsafe {
+        let data = &*data;
+        let id = data.message_id_name_as_c_str().map(CStr::to_string_lossy).unwrap_or_default();
+        let text = data.message_as_c_str().map(CStr::to_string_lossy).unwrap_or_default();
+        (id, text, &*(messages as *const Mutex<Vec<String>>))
+    };
+    if !FILTERED.iter().any(|(filtered, _)| *filtered == id) {
+        let kind = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) {
+            "error"
+        } else {
+            "warning"
+        };
+        log::warn!("Vulkan {kind}: {text}");
+        if let Ok(mut messages) = messages.lock() {
+            messages.push(format!("{kind}: {id}: {text}"));
+        }
+    }
+    vk::FALSE
+}

@@ -1,0 +1,265 @@
+//! Kernels: SPIR-V, what it binds by name, and the pipeline.
+
+use super::{
+    gpu::{Gpu, Shared},
+    reflect::{BindingKind, BlockBinding, KernelReflection, reflect},
+};
+use crate::error::{Error, Result};
+use ash::vk;
+use std::{
+    collections::{HashMap, HashSet},
+    sync::Arc,
+};
+
+/// How to make a [`Kernel`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct KernelInfo<'a> {
+    /// For messages, labels and timings.
+    pub name: &'a str,
+    /// A module with one compute entry point, `main`.
+    pub spirv: &'a [u32],
+    /// The kernel's own specialization constants by name, with the bits of their values.
+    pub constants: &'a [(&'a str, u32)],
+    /// Specialization constants by `constant_id`: those of a spliced user shader. Ids that the
+    /// module does not have are ignored, as Vulkan does.
+    pub constant_ids: &'a [(u32, u32)],
+    /// Every subgroup is full; the workgroup is then a multiple of the largest subgroup size.
+    pub full_subgroups: bool,
+    /// The subgroup size, where the device offers several.
+    pub subgroup_size: Option<u32>,
+}
+
+/// A compute pipeline and the names that it binds. A clone is the same kernel.
+#[derive(Clone)]
+pub struct Kernel(pub(super) Arc<RawKernel>);
+
+pub(super) struct RawKernel {
+    pub name: String,
+    pub pipeline: vk::Pipeline,
+    pub layout: vk::PipelineLayout,
+    pub set_layout: vk::DescriptorSetLayout,
+    pub reflection: KernelReflection,
+    gpu: Arc<Shared>,
+}
+
+impl Kernel {
+    /// Makes a kernel: reflects it, checks its names against `info`, compiles it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] names what does not fit: no module, a constant that does not exist, more
+    /// than the device's workgroup or push constants allow. [`Error::Device`] if the driver refuses it.
+    pub fn new(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
+        let fault = |text: String| Error::Usage(format!("kernel `{}` {text}", info.name));
+        let mut specialized: HashMap<u32, u32> = info.constant_ids.iter().copied().collect();
+        if !info.constants.is_empty() {
+            let plain = reflect(info.spirv, &HashMap::new()).map_err(fault)?;
+            for (name, value) in info.constants {
+                let id = plain.constants.iter().find(|c| c.0 == *name).map(|c| c.1);
+                let id = id.ok_or_else(|| {
+                    let known: Vec<_> = plain.constants.iter().map(|c| c.0.as_str()).collect();
+                    fault(format!("has no constant `{name}`; it has {known:?}"))
+                })?;
+                specialized.insert(id, *value);
+            }
+        }
+        let reflection = reflect(info.spirv, &specialized).map_err(fault)?;
+        check_limits(gpu, info, &reflection).map_err(fault)?;
+
+        let shared = gpu.0.clone();
+        // From here on `raw` destroys what exists if anything fails.
+        let mut raw = RawKernel {
+            name: info.name.to_string(),
+            pipeline: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            reflection,
+            gpu: shared.clone(),
+        };
+        raw.create_layouts()?;
+        raw.create_pipeline(info, &specialized)?;
+        shared.set_name(raw.pipeline, info.name);
+        Ok(Self(Arc::new(raw)))
+    }
+
+    /// The name it was made with.
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// Invocations of one workgroup, in each direction.
+    pub fn workgroup(&self) -> [u32; 3] {
+        self.0.reflection.workgroup
+    }
+
+    /// Names of the buffers it binds, by binding number.
+    pub fn buffers(&self) -> impl Iterator<Item = &str> {
+        self.0.reflection.bindings.iter().map(|b| b.name.as_str())
+    }
+
+    /// Whether it uses the resource table.
+    pub fn uses_table(&self) -> bool {
+        self.0.reflection.uses_table
+    }
+
+    /// Bytes of its push constants.
+    pub fn push_constant_bytes(&self) -> u32 {
+        self.0.reflection.push_constant_bytes
+    }
+}
+
+impl std::fmt::Debug for Kernel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Kernel `{}`", self.0.name)
+    }
+}
+
+fn check_limits(
+    gpu: &Gpu,
+    info: &KernelInfo<'_>,
+    reflection: &KernelReflection,
+) -> std::result::Result<(), String> {
+    let limits = gpu.limits();
+    let invocations = reflection.workgroup.iter().map(|&n| u64::from(n)).product::<u64>();
+    if invocations == 0 || invocations > u64::from(limits.workgroup_invocations) {
+        return Err(format!(
+            "has workgroups of {invocations} invocations; {} allows {}",
+            gpu.name(),
+            limits.workgroup_invocations
+        ));
+    }
+    if reflection.push_constant_bytes > gpu.0.push_constant_bytes {
+        return Err(format!(
+            "has {} bytes of push constants; {} allows {}",
+            reflection.push_constant_bytes,
+            gpu.name(),
+            gpu.0.push_constant_bytes
+        ));
+    }
+    let (min, max) = limits.subgroup_sizes;
+    if let Some(size) = info.subgroup_size {
+        if !size.is_power_of_two() || !(min..=max).contains(&size) {
+            return Err(format!("asks for subgroups of {size}; {} has {min} to {max}", gpu.name()));
+        }
+    }
+    let widest = info.subgroup_size.unwrap_or(max);
+    if info.full_subgroups && !reflection.workgroup[0].is_multiple_of(widest) {
+        return Err(format!(
+            "asks for full subgroups of {widest} in workgroups {} wide",
+            reflection.workgroup[0]
+        ));
+    }
+    Ok(())
+}
+
+impl RawKernel {
+    /// The block called `name`.
+    pub fn binding(&self, name: &str) -> Option<&BlockBinding> {
+        self.reflection.bindings.iter().find(|b| b.name == name)
+    }
+
+    fn create_layouts(&mut self) -> Result<()> {
+        let bindings: Vec<_> = self
+            .reflection
+            .bindings
+            .iter()
+            .map(|b| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(b.binding)
+                    .descriptor_type(descriptor_type(b.kind))
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        let what = || format!("creating the layout of kernel `{}`", self.name);
+        // SAFETY: the device is alive.
+        self.set_layout = unsafe { self.gpu.device.create_descriptor_set_layout(&info, None) }
+            .map_err(|e| self.gpu.failure(&what(), e))?;
+        let mut sets = vec![self.set_layout];
+        if self.reflection.uses_table {
+            sets.push(self.gpu.table_layout);
+        }
+        let push = [vk::PushConstantRange::default()
+            .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            .size(self.reflection.push_constant_bytes)];
+        let push = if self.reflection.push_constant_bytes > 0 { &push[..] } else { &[] };
+        let info =
+            vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(push);
+        // SAFETY: the set layouts are alive.
+        self.layout = unsafe { self.gpu.device.create_pipeline_layout(&info, None) }
+            .map_err(|e| self.gpu.failure(&what(), e))?;
+        Ok(())
+    }
+
+    fn create_pipeline(
+        &mut self,
+        info: &KernelInfo<'_>,
+        specialized: &HashMap<u32, u32>,
+    ) -> Result<()> {
+        let what = format!("compiling kernel `{}`", self.name);
+        let module_info = vk::ShaderModuleCreateInfo::default().code(info.spirv);
+        // SAFETY: reflection parsed the module; the driver validates no further, which is why
+        // kernels come from our compiler and splicer only.
+        let module = unsafe { self.gpu.device.create_shader_module(&module_info, None) }
+            .map_err(|e| self.gpu.failure(&what, e))?;
+        let present: HashSet<u32> = self.reflection.constants.iter().map(|c| c.1).collect();
+        let mut values: Vec<_> = specialized
+            .iter()
+            .filter(|(id, _)| present.contains(id))
+            .map(|(i, v)| (*i, *v))
+            .collect();
+        values.sort_unstable();
+        let entries: Vec<_> = values
+            .iter()
+            .enumerate()
+            .map(|(n, (id, _))| vk::SpecializationMapEntry {
+                constant_id: *id,
+                offset: n as u32 * 4,
+                size: 4,
+            })
+            .collect();
+        let data: Vec<u8> = values.iter().flat_map(|(_, v)| v.to_ne_bytes()).collect();
+        let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+        let mut subgroup = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default();
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&specialization);
+        if info.full_subgroups {
+            stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS);
+        }
+        if let Some(size) = info.subgroup_size {
+            subgroup = subgroup.required_subgroup_size(size);
+            stage = stage.push_next(&mut subgroup);
+        }
+        let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout)];
+        // SAFETY: module, layout and all pointers live through the call.
+        let created = unsafe {
+            let cache = self.gpu.pipeline_cache;
+            let created = self.gpu.device.create_compute_pipelines(cache, &create, None);
+            self.gpu.device.destroy_shader_module(module, None);
+            created
+        };
+        self.pipeline = created.map_err(|(_, e)| self.gpu.failure(&what, e))?[0];
+        Ok(())
+    }
+}
+
+pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
+    match kind {
+        BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
+        BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+    }
+}
+
+impl Drop for RawKernel {
+    fn drop(&mut self) {
+        // SAFETY: recordings that use the kernel hold it until their fence.
+        unsafe {
+            self.gpu.device.destroy_pipeline(self.pipeline, None);
+            self.gpu.device.destroy_pipeline_layout(self.layout, None);
+            self.gpu.device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! Vulkan, hidden: everything above this module says *what* runs, this module knows *how*.
+//!
+//! | file | concept |
+//! |---|---|
+//! | `instance` | the loader, the instance, the validation layer's messages |
+//! | `requirements` | what a device must offer, as data, and what it may offer |
+//! | `device` | listing devices and picking one |
+//! | `gpu` | the opened device: queue, memory, layouts, caches |
+//! | `buffer`, `image`, `sampler` | resources; each is freed when its last user lets go |
+//! | `kernel`, `reflect` | a compute pipeline and the names its SPIR-V binds |
+//! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
+//! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
+//! | `resources` | host data uploaded once, recognised by the identity of its `Arc` |
+//! | `doctor` | what is there, what is missing, and the exact fix |
+//!
+//! # Synchronisation
+//! There is one queue and one rule: a global memory barrier before every dispatch, copy and fill,
+//! from all earlier writes to everything that follows. Per-resource barriers were rejected: stages
+//! of a frame form a chain anyway, so that finer barriers free nothing to overlap, and every missed
+//! one is a bug that only some driver shows. Dispatches that are known to be independent go into one
+//! [`Recorder::group`], which has a single barrier at its start.
+//!
+//! # Lifetimes
+//! Every handle owns its Vulkan object through an `Arc` that also holds the device. A recording keeps
+//! all it refers to until it is dropped, which is after its fence. If the device does not answer in
+//! time the recording is leaked on purpose: freeing what a device still reads is undefined.
+//!
+//! This module and `classic` are the only ones that contain `unsafe` or know Vulkan's types.
+
+mod buffer;
+mod cache;
+mod device;
+mod doctor;
+mod error;
+mod gpu;
+mod image;
+mod instance;
+mod kernel;
+mod recorder;
+mod recording;
+mod reflect;
+mod requirements;
+mod resources;
+mod sampler;
+mod table;
+
+pub use buffer::{Buffer, Memory};
+pub use device::{DeviceInfo, DeviceKind, QueueInfo, Require, devices};
+pub use doctor::{Doctor, DriverFile, Finding, Severity, doctor};
+pub use gpu::{Gpu, GpuOptions, Limits};
+pub use image::{Image, ImageInfo, ImageUse};
+pub use kernel::{Kernel, KernelInfo};
+pub use recorder::{Dispatch, Recorder};
+pub use recording::{Recording, Timings};
+pub use requirements::{Missing, OPTIONAL, Optional, REQUIREMENTS, Requirement};
+pub use resources::Resources;
+pub use sampler::Sampler;
+pub use table::{ResourceTable, TableSizes};

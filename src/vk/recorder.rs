@@ -1,0 +1,447 @@
+//! The recorder: the only thing that dispatches.
+//!
+//! ```text
+//! recorder.kernel(&setup).bind("vertices", &vertices).bind("triangles", &triangles)
+//!     .push(&constants).dispatch([groups, 1, 1])?;
+//! ```
+//! `dispatch` is the one function that checks bindings against reflection, places the barrier, opens
+//! the debug label and takes the timestamps, so that no stage can forget one of them.
+
+use super::{
+    buffer::{Buffer, Memory, RawBuffer},
+    gpu::Gpu,
+    image::Image,
+    kernel::{Kernel, descriptor_type},
+    recording::{Commands, Recording, Timings},
+    reflect::BindingKind,
+    table::{ResourceTable, check_binding},
+};
+use crate::error::{Error, Result};
+use ash::vk;
+use bytemuck::Pod;
+use std::sync::Arc;
+
+/// Records work for the device, in order.
+pub struct Recorder {
+    pub(super) gpu: Gpu,
+    pub(crate) commands: Commands,
+    /// `Some` inside a group: whether its barrier was placed.
+    group: Option<bool>,
+}
+
+/// A dispatch that is being described. Nothing is recorded before [`Dispatch::dispatch`].
+#[must_use = "nothing is recorded before `dispatch`"]
+pub struct Dispatch<'r> {
+    recorder: &'r mut Recorder,
+    kernel: Kernel,
+    label: Option<String>,
+    bound: Vec<Bound>,
+    table: Option<(vk::DescriptorSet, Arc<dyn std::any::Any + Send + Sync>)>,
+    push: Vec<u8>,
+    /// The first fault; reported by `dispatch`, so that the chain of calls stays a sentence.
+    fault: Option<Error>,
+}
+
+struct Bound {
+    binding: u32,
+    kind: BindingKind,
+    buffer: Arc<RawBuffer>,
+    offset: u64,
+    bytes: u64,
+}
+
+/// How many workgroups.
+enum Size {
+    Direct([u32; 3]),
+    Indirect(Arc<RawBuffer>, u64),
+}
+
+impl Recorder {
+    /// An empty recording; `label` names it in messages and captures.
+    ///
+    /// # Errors
+    /// [`Error::Capacity`] without memory for commands, as for everything that records.
+    pub fn new(gpu: &Gpu, label: &str) -> Result<Self> {
+        Ok(Self { gpu: gpu.clone(), commands: Commands::new(gpu, label)?, group: None })
+    }
+
+    /// Times every dispatch that follows by timestamps. They cost a barrier each, so that they are
+    /// off unless asked for; [`Timings::total_ns`] is measured always.
+    pub fn time_stages(&mut self) {
+        self.commands.time_stages = true;
+    }
+
+    /// Starts a dispatch of `kernel`.
+    pub fn kernel(&mut self, kernel: &Kernel) -> Dispatch<'_> {
+        Dispatch {
+            recorder: self,
+            kernel: kernel.clone(),
+            label: None,
+            bound: Vec::new(),
+            table: None,
+            push: Vec::new(),
+            fault: None,
+        }
+    }
+
+    /// Records `independent` with a single barrier before all of it: the caller promises that none
+    /// of its dispatches, copies and fills reads or writes what another one writes.
+    ///
+    /// # Errors
+    /// Those of `independent`.
+    pub fn group<R>(&mut self, independent: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
+        let outer = self.group;
+        self.group = outer.or(Some(false));
+        let result = independent(self);
+        self.group = outer;
+        result
+    }
+
+    /// Fills all of `buffer` with `word`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it does not start at a whole word.
+    pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) -> Result<()> {
+        let (raw, offset) = (buffer.raw().clone(), buffer.offset());
+        if buffer.is_empty() {
+            return Ok(());
+        }
+        if offset % 4 != 0 {
+            let name = buffer.name();
+            return Err(Error::Usage(format!("buffer `{name}` is filled from byte {offset} on")));
+        }
+        self.barrier();
+        // SAFETY: the range is whole words inside the buffer.
+        unsafe {
+            self.gpu.0.device.cmd_fill_buffer(
+                self.commands.raw,
+                raw.handle,
+                offset,
+                buffer.descriptor_bytes(),
+                word,
+            );
+        }
+        self.commands.keep(raw);
+        Ok(())
+    }
+
+    /// Copies all of `from` to the start of `to`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it does not fit.
+    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) -> Result<()> {
+        if from.len() > to.len() {
+            return Err(Error::Usage(format!(
+                "{} elements of buffer `{}` do not fit into the {} of `{}`",
+                from.len(),
+                from.name(),
+                to.len(),
+                to.name()
+            )));
+        }
+        if from.is_empty() {
+            return Ok(());
+        }
+        self.barrier();
+        let region = [vk::BufferCopy::default()
+            .src_offset(from.offset())
+            .dst_offset(to.offset())
+            .size(from.bytes())];
+        // SAFETY: both ranges are inside their buffers.
+        unsafe {
+            let (from, to) = (from.raw().handle, to.raw().handle);
+            self.gpu.0.device.cmd_copy_buffer(self.commands.raw, from, to, &region);
+        }
+        self.commands.keep(from.raw().clone());
+        self.commands.keep(to.raw().clone());
+        Ok(())
+    }
+
+    /// Copies `content` to the start of `buffer` when the recording runs.
+    ///
+    /// # Errors
+    /// As [`Recorder::copy`].
+    pub fn upload<T: Pod>(&mut self, buffer: &Buffer<T>, content: &[T]) -> Result<()> {
+        let name = format!("upload of {}", buffer.name());
+        let staging = Buffer::upload(&self.gpu, &name, content)?;
+        self.copy(&staging, buffer)
+    }
+
+    /// Copies all of `buffer` to memory that can be [read](Buffer::read) once the recording has run.
+    ///
+    /// # Errors
+    /// [`Error::Capacity`] without memory for the copy.
+    pub fn download<T: Pod>(&mut self, buffer: &Buffer<T>) -> Result<Buffer<T>> {
+        let name = format!("download of {}", buffer.name());
+        let copy = Buffer::new(&self.gpu, &name, buffer.len(), Memory::Readback)?;
+        self.copy(buffer, &copy)?;
+        Ok(copy)
+    }
+
+    /// Uploads all levels of `image`, from the largest down, and leaves it as shaders expect it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the levels are not those of the image.
+    pub fn upload_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
+        let raw = &image.0;
+        let mut content = Vec::new();
+        let mut regions = Vec::new();
+        for (n, level) in levels.iter().enumerate() {
+            let region = raw.copy_of_level(n as u32, content.len() as u64);
+            let e = region.image_extent;
+            let bytes = e.width as usize * e.height as usize * raw.format.texel_bytes();
+            if level.as_ref().len() != bytes || levels.len() != raw.levels as usize {
+                return Err(Error::Usage(format!(
+                    "image `{}` has {} levels, level {n} with {bytes} bytes; not {} with {}",
+                    raw.name,
+                    raw.levels,
+                    levels.len(),
+                    level.as_ref().len()
+                )));
+            }
+            content.extend_from_slice(level.as_ref());
+            regions.push(region);
+        }
+        let staging = Buffer::upload(&self.gpu, &format!("upload of {}", raw.name), &content)?;
+        self.transition(image, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+        // SAFETY: the regions are the image's levels, and lie in `staging` one after the other.
+        unsafe {
+            self.gpu.0.device.cmd_copy_buffer_to_image(
+                self.commands.raw,
+                staging.raw().handle,
+                raw.handle,
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &regions,
+            );
+        }
+        self.transition(image, vk::ImageLayout::TRANSFER_DST_OPTIMAL, raw.shader_layout());
+        self.commands.keep(staging.raw().clone());
+        Ok(())
+    }
+
+    /// Ends the recording; it can then run, more than once.
+    ///
+    /// # Errors
+    /// [`Error::Capacity`] without memory for commands.
+    pub fn finish(self) -> Result<Recording> {
+        Recording::new(self.gpu, self.commands)
+    }
+
+    /// Ends the recording, runs it once and waits.
+    ///
+    /// # Errors
+    /// As [`Recording::run`].
+    pub fn submit(self) -> Result<Timings> {
+        self.finish()?.run()
+    }
+
+    /// Everything so far happens before everything that follows. A group has it once.
+    fn barrier(&mut self) {
+        match &mut self.group {
+            Some(placed @ false) => *placed = true,
+            Some(true) => return,
+            None => {}
+        }
+        self.commands.barrier();
+    }
+
+    /// A layout transition, which is a barrier as well.
+    pub(crate) fn transition(&mut self, image: &Image, from: vk::ImageLayout, to: vk::ImageLayout) {
+        self.commands.transition(&image.0, from, to);
+    }
+}
+
+impl Dispatch<'_> {
+    /// A label for timings and captures; the kernel's name unless given.
+    pub fn label(mut self, label: &str) -> Self {
+        self.label = Some(label.to_string());
+        self
+    }
+
+    /// Binds `buffer` to the kernel's block `name`. The elements have the size of the block's, if it
+    /// is nothing but an array; [`Buffer::cast`] says that another view of the bytes is meant.
+    pub fn bind<T: Pod>(mut self, name: &str, buffer: &Buffer<T>) -> Self {
+        if let Err(fault) = self.try_bind(name, buffer) {
+            self.fault.get_or_insert(fault);
+        }
+        self
+    }
+
+    fn try_bind<T: Pod>(&mut self, name: &str, buffer: &Buffer<T>) -> Result<()> {
+        let kernel = &self.kernel.0;
+        let fault = |text: String| Err(Error::Usage(format!("kernel `{}` {text}", kernel.name)));
+        let Some(block) = kernel.binding(name) else {
+            let names: Vec<_> = self.kernel.buffers().collect();
+            return fault(format!("binds no `{name}`; it binds {names:?}"));
+        };
+        if let Some(stride) = block.stride.filter(|&s| s as usize != size_of::<T>()) {
+            return fault(format!(
+                "has {stride}-byte elements in `{name}`; buffer `{}` has {}-byte ones",
+                buffer.name(),
+                size_of::<T>()
+            ));
+        }
+        if self.bound.iter().any(|b| b.binding == block.binding) {
+            return fault(format!("has `{name}` bound twice"));
+        }
+        let (offset, bytes) = check_binding(&self.recorder.gpu, buffer)?;
+        self.bound.push(Bound {
+            binding: block.binding,
+            kind: block.kind,
+            buffer: buffer.raw().clone(),
+            offset,
+            bytes,
+        });
+        Ok(())
+    }
+
+    /// Binds the resource table.
+    pub fn table(mut self, table: &ResourceTable) -> Self {
+        self.table = Some((table.raw().set, table.raw().clone()));
+        self
+    }
+
+    /// Sets all push constants.
+    pub fn push<P: Pod>(mut self, constants: &P) -> Self {
+        self.push = bytemuck::bytes_of(constants).to_vec();
+        self
+    }
+
+    /// Records the dispatch of `groups` workgroups. Nothing is recorded if one of them is 0.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a block is not bound, bound twice or unknown, if push constants or
+    /// elements have another size; [`Error::Capacity`] if a buffer or the dispatch is larger than
+    /// the device allows.
+    pub fn dispatch(self, groups: [u32; 3]) -> Result<()> {
+        self.record(Size::Direct(groups))
+    }
+
+    /// Records a dispatch whose three counts are read from `buffer`, `byte_offset` bytes from its
+    /// first element on, when it runs.
+    ///
+    /// # Errors
+    /// As [`Dispatch::dispatch`], and [`Error::Usage`] if the counts are outside the buffer.
+    pub fn dispatch_indirect<T: Pod>(self, buffer: &Buffer<T>, byte_offset: u64) -> Result<()> {
+        let at = buffer.offset() + byte_offset;
+        if at % 4 != 0 || byte_offset + 12 > buffer.bytes() {
+            return Err(Error::Usage(format!(
+                "kernel `{}` reads its size at byte {byte_offset} of buffer `{}`, which has {}",
+                self.kernel.name(),
+                buffer.name(),
+                buffer.bytes()
+            )));
+        }
+        self.record(Size::Indirect(buffer.raw().clone(), at))
+    }
+
+    fn record(mut self, size: Size) -> Result<()> {
+        if let Some(fault) = self.fault.take() {
+            return Err(fault);
+        }
+        self.check()?;
+        if let Size::Direct(groups) = size {
+            let limit = self.recorder.gpu.limits().dispatch;
+            if let Some(n) = (0..3).find(|&n| groups[n] > limit[n]) {
+                return Err(Error::Usage(format!(
+                    "kernel `{}` is dispatched as {groups:?} workgroups; {} allows {} in direction \
+                     {n}",
+                    self.kernel.name(),
+                    self.recorder.gpu.name(),
+                    limit[n]
+                )));
+            }
+            if groups.contains(&0) {
+                return Ok(());
+            }
+        }
+        let set = self.descriptor_set()?;
+        let Self { recorder, kernel, label, bound, table, push, .. } = self;
+        let raw = &kernel.0;
+        let label = label.unwrap_or_else(|| raw.name.clone());
+        recorder.barrier();
+        recorder.commands.begin_stage(&label)?;
+        let mut sets = vec![set];
+        if let Some((table, keep)) = table.filter(|_| raw.reflection.uses_table) {
+            sets.push(table);
+            recorder.commands.keep(keep);
+        }
+        let (device, cmd) = (&recorder.gpu.0.device, recorder.commands.raw);
+        let point = vk::PipelineBindPoint::COMPUTE;
+        // SAFETY: pipeline, layout and sets belong together: `check` compared them with the
+        // kernel's reflection. All of them are kept until the fence.
+        unsafe {
+            device.cmd_bind_pipeline(cmd, point, raw.pipeline);
+            device.cmd_bind_descriptor_sets(cmd, point, raw.layout, 0, &sets, &[]);
+            if !push.is_empty() {
+                let stages = vk::ShaderStageFlags::COMPUTE;
+                device.cmd_push_constants(cmd, raw.layout, stages, 0, &push);
+            }
+            match &size {
+                Size::Direct([x, y, z]) => device.cmd_dispatch(cmd, *x, *y, *z),
+                Size::Indirect(buffer, at) => device.cmd_dispatch_indirect(cmd, buffer.handle, *at),
+            }
+        }
+        recorder.commands.end_stage();
+        if let Size::Indirect(buffer, _) = size {
+            recorder.commands.keep(buffer);
+        }
+        for b in bound {
+            recorder.commands.keep(b.buffer);
+        }
+        recorder.commands.keep(kernel.0);
+        Ok(())
+    }
+
+    /// Compares what is bound with what reflection found.
+    fn check(&self) -> Result<()> {
+        let r = &self.kernel.0.reflection;
+        let fault =
+            |text: String| Err(Error::Usage(format!("kernel `{}` {text}", self.kernel.name())));
+        let is_bound = |binding| self.bound.iter().any(|b| b.binding == binding);
+        if let Some(open) = r.bindings.iter().find(|b| !is_bound(b.binding)) {
+            return fault(format!("has nothing bound to `{}`", open.name));
+        }
+        if r.uses_table && self.table.is_none() {
+            return fault("has no resource table bound".into());
+        }
+        if self.push.len() != r.push_constant_bytes as usize {
+            return fault(format!(
+                "has {} bytes of push constants, not {}",
+                r.push_constant_bytes,
+                self.push.len()
+            ));
+        }
+        Ok(())
+    }
+
+    fn descriptor_set(&mut self) -> Result<vk::DescriptorSet> {
+        let layout = self.kernel.0.set_layout;
+        let set = self.recorder.commands.descriptor_set(layout, self.bound.len() as u32)?;
+        let infos: Vec<_> = self
+            .bound
+            .iter()
+            .map(|b| {
+                [vk::DescriptorBufferInfo::default()
+                    .buffer(b.buffer.handle)
+                    .offset(b.offset)
+                    .range(b.bytes)]
+            })
+            .collect();
+        let writes: Vec<_> = self
+            .bound
+            .iter()
+            .zip(&infos)
+            .map(|(b, info)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_set(set)
+                    .dst_binding(b.binding)
+                    .descriptor_type(descriptor_type(b.kind))
+                    .buffer_info(info)
+            })
+            .collect();
+        // SAFETY: the set is new, so that no submission uses it; the buffers are kept by `record`.
+        unsafe { self.recorder.gpu.0.device.update_descriptor_sets(&writes, &[]) };
+        Ok(set)
+    }
+}

@@ -1,0 +1,254 @@
+//! What a kernel binds, read from its SPIR-V, so that no binding number is ever typed twice.
+
+use rspirv::{
+    dr::{self, Operand},
+    spirv::{BuiltIn, Decoration, ExecutionMode, Op, StorageClass, Word},
+};
+use std::collections::HashMap;
+
+/// What kind of buffer a kernel binds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum BindingKind {
+    Storage,
+    Uniform,
+}
+
+/// One block of descriptor set 0.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct BlockBinding {
+    /// The block's instance name in the kernel.
+    pub name: String,
+    pub binding: u32,
+    pub kind: BindingKind,
+    /// Bytes from one element to the next, if the block is nothing but one run-time array.
+    pub stride: Option<u32>,
+}
+
+/// What reflection found in a kernel.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct KernelReflection {
+    /// Set 0, sorted by binding.
+    pub bindings: Vec<BlockBinding>,
+    /// Whether it uses the resource table, set 1.
+    pub uses_table: bool,
+    pub push_constant_bytes: u32,
+    pub workgroup: [u32; 3],
+    /// Specialization constants: name, id and size in bytes (booleans have 4).
+    pub constants: Vec<(String, u32)>,
+}
+
+/// Reads a kernel whose specialization constants have the values `specialized` (by id).
+pub(super) fn reflect(
+    words: &[u32],
+    specialized: &HashMap<u32, u32>,
+) -> std::result::Result<KernelReflection, String> {
+    let module = dr::load_words(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
+    let m = Module::index(&module, specialized);
+    let mut found = KernelReflection { workgroup: m.workgroup()?, ..Default::default() };
+    for variable in module.types_global_values.iter().filter(|i| i.class.opcode == Op::Variable) {
+        let id = variable.result_id.unwrap_or_default();
+        let Some(pointer) = variable.result_type.and_then(|t| m.types.get(&t)) else { continue };
+        let Some(&Operand::StorageClass(class)) = variable.operands.first() else { continue };
+        let pointee = word(pointer, 1);
+        if class == StorageClass::PushConstant {
+            found.push_constant_bytes = m.size(pointee)?;
+            continue;
+        }
+        let Some(set) = m.decoration(id, Decoration::DescriptorSet) else { continue };
+        let binding = m.decoration(id, Decoration::Binding).unwrap_or(0);
+        match set {
+            1 => found.uses_table = true,
+            0 => {
+                let kind = match class {
+                    StorageClass::StorageBuffer => BindingKind::Storage,
+                    StorageClass::Uniform if m.has(pointee, Decoration::BufferBlock) => {
+                        BindingKind::Storage
+                    }
+                    StorageClass::Uniform => BindingKind::Uniform,
+                    _ => return Err(format!("binds {class:?} in set 0, which is for blocks")),
+                };
+                let name = [id, pointee]
+                    .iter()
+                    .filter_map(|id| m.names.get(id))
+                    .find(|n| !n.is_empty())
+                    .ok_or(format!("has no name for binding {binding} of set 0"))?;
+                found.bindings.push(BlockBinding {
+                    name: name.to_string(),
+                    binding,
+                    kind,
+                    stride: m.only_stride(pointee),
+                });
+            }
+            set => return Err(format!("binds set {set}; kernels have sets 0 and 1")),
+        }
+    }
+    found.bindings.sort_by_key(|b| b.binding);
+    if let Some(pair) = found.bindings.windows(2).find(|p| p[0].binding == p[1].binding) {
+        return Err(format!("binds `{}` and `{}` to one number", pair[0].name, pair[1].name));
+    }
+    for (&id, decorations) in &m.decorations {
+        let spec = decorations.iter().find(|(d, _)| *d == Decoration::SpecId);
+        if let Some(&(_, Some(spec))) = spec {
+            let name = m.names.get(&id).copied().unwrap_or_default();
+            found.constants.push((name.to_string(), spec));
+        }
+    }
+    found.constants.sort_by_key(|c| c.1);
+    Ok(found)
+}
+
+/// The module's tables that reflection looks things up in.
+struct Module<'a> {
+    module: &'a dr::Module,
+    names: HashMap<Word, &'a str>,
+    types: HashMap<Word, &'a dr::Instruction>,
+    decorations: HashMap<Word, Vec<(Decoration, Option<u32>)>>,
+    members: HashMap<(Word, u32), Vec<(Decoration, Option<u32>)>>,
+    specialized: &'a HashMap<u32, u32>,
+}
+
+impl<'a> Module<'a> {
+    fn index(module: &'a dr::Module, specialized: &'a HashMap<u32, u32>) -> Self {
+        let mut names = HashMap::new();
+        for i in &module.debug_names {
+            if let (Op::Name, [Operand::IdRef(id), Operand::LiteralString(name)]) =
+                (i.class.opcode, &i.operands[..])
+            {
+                names.insert(*id, name.as_str());
+            }
+        }
+        let mut decorations = HashMap::<_, Vec<_>>::new();
+        let mut members = HashMap::<_, Vec<_>>::new();
+        for i in &module.annotations {
+            match (i.class.opcode, &i.operands[..]) {
+                (Op::Decorate, [Operand::IdRef(id), Operand::Decoration(d), rest @ ..]) => {
+                    decorations.entry(*id).or_default().push((*d, literal(rest)));
+                }
+                (
+                    Op::MemberDecorate,
+                    [
+                        Operand::IdRef(id),
+                        Operand::LiteralBit32(m),
+                        Operand::Decoration(d),
+                        rest @ ..,
+                    ],
+                ) => members.entry((*id, *m)).or_default().push((*d, literal(rest))),
+                _ => {}
+            }
+        }
+        let types =
+            module.types_global_values.iter().filter_map(|i| Some((i.result_id?, i))).collect();
+        Self { module, names, types, decorations, members, specialized }
+    }
+
+    fn decoration(&self, id: Word, wanted: Decoration) -> Option<u32> {
+        self.decorations.get(&id)?.iter().find(|(d, _)| *d == wanted)?.1
+    }
+
+    fn has(&self, id: Word, wanted: Decoration) -> bool {
+        self.decorations.get(&id).is_some_and(|all| all.iter().any(|(d, _)| *d == wanted))
+    }
+
+    /// The value of a constant, after specialization.
+    fn constant(&self, id: Word) -> Option<u32> {
+        let i = self.types.get(&id)?;
+        let default = match i.operands.first() {
+            Some(&Operand::LiteralBit32(value)) => value,
+            _ => return None,
+        };
+        let spec = self.decoration(id, Decoration::SpecId);
+        Some(spec.and_then(|s| self.specialized.get(&s).copied()).unwrap_or(default))
+    }
+
+    /// The workgroup size: the decorated built-in constant where there is one, else the mode.
+    fn workgroup(&self) -> std::result::Result<[u32; 3], String> {
+        let built_in = self.module.annotations.iter().find_map(|i| match i.operands[..] {
+            [
+                Operand::IdRef(id),
+                Operand::Decoration(Decoration::BuiltIn),
+                Operand::BuiltIn(BuiltIn::WorkgroupSize),
+            ] => Some(id),
+            _ => None,
+        });
+        if let Some(composite) = built_in.and_then(|id| self.types.get(&id)) {
+            let sizes: Vec<_> = (0..composite.operands.len())
+                .filter_map(|n| self.constant(word(composite, n)))
+                .collect();
+            if let [x, y, z] = sizes[..] {
+                return Ok([x, y, z]);
+            }
+        }
+        self.module
+            .execution_modes
+            .iter()
+            .find_map(|i| match i.operands[..] {
+                [
+                    _,
+                    Operand::ExecutionMode(ExecutionMode::LocalSize),
+                    Operand::LiteralBit32(x),
+                    Operand::LiteralBit32(y),
+                    Operand::LiteralBit32(z),
+                ] => Some([x, y, z]),
+                _ => None,
+            })
+            .ok_or_else(|| "has no workgroup size: it is no compute kernel".into())
+    }
+
+    /// The stride of the run-time array that is a block's only member.
+    fn only_stride(&self, block: Word) -> Option<u32> {
+        let block = self.types.get(&block)?;
+        let array = self.types.get(&word(block, 0))?;
+        let only = block.operands.len() == 1 && array.class.opcode == Op::TypeRuntimeArray;
+        only.then(|| self.decoration(array.result_id?, Decoration::ArrayStride)).flatten()
+    }
+
+    /// Bytes of a type as laid out in a block.
+    fn size(&self, id: Word) -> std::result::Result<u32, String> {
+        let t = self.types.get(&id).ok_or("has an unknown type in a block")?;
+        Ok(match t.class.opcode {
+            Op::TypeInt | Op::TypeFloat => word(t, 0) / 8,
+            Op::TypeVector => self.size(word(t, 0))? * word(t, 1),
+            Op::TypeArray => {
+                let stride = self.decoration(id, Decoration::ArrayStride);
+                stride.ok_or("has an array without a stride")?
+                    * self.constant(word(t, 1)).ok_or("has an array of unknown length")?
+            }
+            Op::TypeStruct => {
+                let mut end = 0;
+                for n in 0..t.operands.len() as u32 {
+                    let of = |wanted| {
+                        let all = self.members.get(&(id, n))?;
+                        all.iter().find(|(d, _)| *d == wanted)?.1
+                    };
+                    let offset = of(Decoration::Offset).ok_or("has a block without offsets")?;
+                    let size = match of(Decoration::MatrixStride) {
+                        Some(stride) => stride * self.columns(word(t, n as usize)),
+                        None => self.size(word(t, n as usize))?,
+                    };
+                    end = end.max(offset + size);
+                }
+                end
+            }
+            op => return Err(format!("has an {op:?} in its push constants")),
+        })
+    }
+
+    fn columns(&self, id: Word) -> u32 {
+        self.types.get(&id).map_or(0, |t| word(t, 1))
+    }
+}
+
+/// Operand `n` as an id or a number, 0 if it is neither.
+fn word(i: &dr::Instruction, n: usize) -> u32 {
+    match i.operands.get(n) {
+        Some(&(Operand::IdRef(w) | Operand::LiteralBit32(w))) => w,
+        _ => 0,
+    }
+}
+
+fn literal(operands: &[Operand]) -> Option<u32> {
+    match operands.first() {
+        Some(&Operand::LiteralBit32(value)) => Some(value),
+        _ => None,
+    }
+}

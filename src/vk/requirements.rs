@@ -1,0 +1,377 @@
+//! What a device must offer, as data, and what it may offer.
+//!
+//! The list is kept short on purpose: no 64-bit integers, no 64-bit floats, no graphics queue, no
+//! extension. Everything on it is in Vulkan 1.3 and is offered by every desktop driver since 2022 and
+//! by both CPU drivers.
+
+use ash::vk;
+
+/// What was read from a physical device before it is opened; plain copies, no chains.
+#[derive(Clone, Default)]
+pub(super) struct Probe {
+    pub properties: vk::PhysicalDeviceProperties,
+    pub vulkan11: vk::PhysicalDeviceVulkan11Properties<'static>,
+    pub vulkan12: vk::PhysicalDeviceVulkan12Properties<'static>,
+    pub vulkan13: vk::PhysicalDeviceVulkan13Properties<'static>,
+    pub features: vk::PhysicalDeviceFeatures,
+    pub features11: vk::PhysicalDeviceVulkan11Features<'static>,
+    pub features12: vk::PhysicalDeviceVulkan12Features<'static>,
+    pub features13: vk::PhysicalDeviceVulkan13Features<'static>,
+    pub memory: vk::PhysicalDeviceMemoryProperties,
+    pub queues: Vec<vk::QueueFamilyProperties>,
+    pub extensions: Vec<String>,
+    /// `computeDerivativeGroupLinear`.
+    pub derivatives: bool,
+}
+
+// SAFETY: the only pointers are the structures' `p_next`, which are null.
+unsafe impl Send for Probe {}
+// SAFETY: as above.
+unsafe impl Sync for Probe {}
+
+/// Something a device must offer.
+pub struct Requirement {
+    /// What, in Vulkan's words.
+    pub name: &'static str,
+    /// What the engine does with it.
+    pub why: &'static str,
+    /// `Some` says what the device offers instead, and the fix where there is one.
+    check: fn(&Probe) -> Option<String>,
+}
+
+/// Something a device may offer and the engine then uses.
+pub struct Optional {
+    /// What, in Vulkan's words.
+    pub name: &'static str,
+    /// What the engine does with it, and what it does without.
+    pub why: &'static str,
+    check: fn(&Probe) -> bool,
+}
+
+/// A requirement that a device does not meet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Missing {
+    /// [`Requirement::name`].
+    pub name: &'static str,
+    /// [`Requirement::why`].
+    pub why: &'static str,
+    /// What the device offers instead, and the fix where there is one.
+    pub found: String,
+}
+
+/// The subgroup operations that kernels use.
+const SUBGROUP_OPERATIONS: vk::SubgroupFeatureFlags = vk::SubgroupFeatureFlags::from_raw(
+    vk::SubgroupFeatureFlags::BASIC.as_raw()
+        | vk::SubgroupFeatureFlags::VOTE.as_raw()
+        | vk::SubgroupFeatureFlags::ARITHMETIC.as_raw()
+        | vk::SubgroupFeatureFlags::BALLOT.as_raw()
+        | vk::SubgroupFeatureFlags::SHUFFLE.as_raw()
+        | vk::SubgroupFeatureFlags::QUAD.as_raw(),
+);
+
+/// Everything a device must offer. Published so that `devices`, `doctor` and the documentation
+/// cannot disagree with the check.
+pub const REQUIREMENTS: &[Requirement] = &[
+    Requirement {
+        name: "Vulkan 1.3",
+        why: "the base of everything below",
+        check: |p| {
+            let version = p.properties.api_version;
+            (version < vk::API_VERSION_1_3).then(|| {
+                format!(
+                    "offers Vulkan {}.{}; a newer driver may offer 1.3",
+                    vk::api_version_major(version),
+                    vk::api_version_minor(version)
+                )
+            })
+        },
+    },
+    Requirement {
+        name: "a lavapipe of Mesa 23 or newer",
+        why: "older ones stop loops after 65,535 iterations without a word",
+        check: |p| {
+            if p.vulkan12.driver_id != vk::DriverId::MESA_LLVMPIPE {
+                return None;
+            }
+            let info = p.vulkan12.driver_info_as_c_str().ok()?.to_string_lossy();
+            let major = mesa_major(&info)?;
+            (major < 23).then(|| {
+                format!(
+                    "is {info}; on Debian 12: apt install -t bookworm-backports mesa-vulkan-drivers"
+                )
+            })
+        },
+    },
+    Requirement {
+        name: "a compute queue",
+        why: "the kernels run on it",
+        check: |p| {
+            let compute = |q: &vk::QueueFamilyProperties| {
+                q.queue_count > 0 && q.queue_flags.contains(vk::QueueFlags::COMPUTE)
+            };
+            (!p.queues.iter().any(compute)).then(|| "has none".into())
+        },
+    },
+    Requirement {
+        name: "scalarBlockLayout",
+        why: "host structures and kernels agree byte for byte",
+        check: |p| feature(p.features12.scalar_block_layout),
+    },
+    Requirement {
+        name: "runtimeDescriptorArray",
+        why: "all resources of users' shaders live in one table",
+        check: |p| feature(p.features12.runtime_descriptor_array),
+    },
+    Requirement {
+        name: "descriptorBindingPartiallyBound",
+        why: "the table is filled as far as a pass needs",
+        check: |p| feature(p.features12.descriptor_binding_partially_bound),
+    },
+    Requirement {
+        name: "descriptorBinding*UpdateAfterBind for sampled images, storage images, storage buffers",
+        why: "the table is larger than the limits of ordinary sets",
+        check: |p| {
+            feature(
+                p.features12.descriptor_binding_sampled_image_update_after_bind
+                    & p.features12.descriptor_binding_storage_image_update_after_bind
+                    & p.features12.descriptor_binding_storage_buffer_update_after_bind,
+            )
+        },
+    },
+    Requirement {
+        name: "non-uniform indexing of sampled images, storage images, storage buffers",
+        why: "neighbouring pixels may belong to different draws",
+        check: |p| {
+            feature(
+                p.features12.shader_sampled_image_array_non_uniform_indexing
+                    & p.features12.shader_storage_image_array_non_uniform_indexing
+                    & p.features12.shader_storage_buffer_array_non_uniform_indexing,
+            )
+        },
+    },
+    Requirement {
+        name: "subgroup basic, vote, arithmetic, ballot, shuffle and quad operations in compute",
+        why: "a subgroup works on one bin and its quads share derivatives",
+        check: |p| {
+            let operations = p.vulkan11.subgroup_supported_operations;
+            let compute =
+                p.vulkan11.subgroup_supported_stages.contains(vk::ShaderStageFlags::COMPUTE);
+            (!compute || !operations.contains(SUBGROUP_OPERATIONS))
+                .then(|| format!("lacks {:?}", SUBGROUP_OPERATIONS & !operations))
+        },
+    },
+    Requirement {
+        name: "subgroups of 4 to 128 invocations",
+        why: "a quad fits a subgroup and a ballot fits four words",
+        check: |p| {
+            let (min, max) = (p.vulkan13.min_subgroup_size, p.vulkan13.max_subgroup_size);
+            let size = p.vulkan11.subgroup_size;
+            (!(4..=128).contains(&size) || min > 128 || max < 4)
+                .then(|| format!("has subgroups of {size} ({min} to {max})"))
+        },
+    },
+    Requirement {
+        name: "subgroupSizeControl and computeFullSubgroups",
+        why: "lanes 4m to 4m+3 are a quad only in a full subgroup",
+        check: |p| {
+            feature(p.features13.subgroup_size_control & p.features13.compute_full_subgroups)
+        },
+    },
+    Requirement {
+        name: "synchronization2",
+        why: "barriers",
+        check: |p| feature(p.features13.synchronization2),
+    },
+    Requirement {
+        name: "maintenance4",
+        why: "workgroup sizes by specialization, limits of buffers",
+        check: |p| feature(p.features13.maintenance4),
+    },
+    Requirement {
+        name: "shaderDemoteToHelperInvocation",
+        why: "`discard` keeps derivatives defined",
+        check: |p| feature(p.features13.shader_demote_to_helper_invocation),
+    },
+    Requirement {
+        name: "8 storage buffers and 128 bytes of push constants for the kernels themselves",
+        why: "the buffers between stages",
+        check: |p| {
+            let limits = &p.properties.limits;
+            (limits.max_per_stage_descriptor_storage_buffers < 16
+                || limits.max_push_constants_size < 128)
+                .then(|| {
+                    format!(
+                        "has {} and {}",
+                        limits.max_per_stage_descriptor_storage_buffers,
+                        limits.max_push_constants_size
+                    )
+                })
+        },
+    },
+];
+
+/// What the engine uses where it exists.
+pub const OPTIONAL: &[Optional] = &[
+    Optional {
+        name: "a graphics queue",
+        why: "the classic executor, for comparison; compute needs none",
+        check: |p| p.graphics_family().is_some() && p.features13.dynamic_rendering == vk::TRUE,
+    },
+    Optional {
+        name: "VK_KHR_compute_shader_derivatives",
+        why: "derivatives by the device's own rule; otherwise by quad operations",
+        check: |p| p.derivatives_extension().is_some(),
+    },
+    Optional {
+        name: "shaderBufferInt64Atomics",
+        why: "depth and primitive in one atomic for tiny triangles; otherwise two 32-bit passes",
+        check: |p| p.features12.shader_buffer_int64_atomics & p.features.shader_int64 == vk::TRUE,
+    },
+    Optional {
+        name: "timestamps on the compute queue",
+        why: "times per stage; otherwise only the host's clock",
+        check: |p| p.properties.limits.timestamp_compute_and_graphics == vk::TRUE,
+    },
+];
+
+fn feature(value: vk::Bool32) -> Option<String> {
+    (value == vk::FALSE).then(|| "is not offered; a newer driver may".into())
+}
+
+/// The major version in `Mesa 25.0.7-2 (LLVM 15.0.6)`.
+fn mesa_major(info: &str) -> Option<u32> {
+    let rest = info.split_once("Mesa ")?.1;
+    rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
+}
+
+impl Requirement {
+    pub(super) fn missing(&self, probe: &Probe) -> Option<Missing> {
+        (self.check)(probe).map(|found| Missing { name: self.name, why: self.why, found })
+    }
+}
+
+impl Optional {
+    pub(super) fn present(&self, probe: &Probe) -> bool {
+        (self.check)(probe)
+    }
+}
+
+impl Probe {
+    /// Reads everything that requirements and limits look at.
+    pub fn read(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
+        let mut probe = Self::default();
+        // SAFETY: `physical` comes from `instance`; every chained structure lives on this stack
+        // and is one that the queried version knows.
+        unsafe {
+            probe.properties = instance.get_physical_device_properties(physical);
+            probe.features = instance.get_physical_device_features(physical);
+            probe.memory = instance.get_physical_device_memory_properties(physical);
+            probe.queues = instance.get_physical_device_queue_family_properties(physical);
+            probe.extensions = instance
+                .enumerate_device_extension_properties(physical)
+                .unwrap_or_default()
+                .iter()
+                .filter_map(|e| e.extension_name_as_c_str().ok())
+                .map(|name| name.to_string_lossy().into_owned())
+                .collect();
+            if probe.properties.api_version < vk::API_VERSION_1_1 {
+                return probe;
+            }
+            let has12 = probe.properties.api_version >= vk::API_VERSION_1_2;
+            let has13 = probe.properties.api_version >= vk::API_VERSION_1_3;
+            let mut properties = vk::PhysicalDeviceProperties2::default();
+            if has12 {
+                properties =
+                    properties.push_next(&mut probe.vulkan11).push_next(&mut probe.vulkan12);
+            }
+            if has13 {
+                properties = properties.push_next(&mut probe.vulkan13);
+            }
+            instance.get_physical_device_properties2(physical, &mut properties);
+            let mut derivatives = vk::PhysicalDeviceComputeShaderDerivativesFeaturesNV::default();
+            let derivatives_extension = DERIVATIVES_EXTENSIONS
+                .iter()
+                .any(|name| probe.extensions.iter().any(|e| e.as_bytes() == name.to_bytes()));
+            let mut features = vk::PhysicalDeviceFeatures2::default();
+            if has12 {
+                features =
+                    features.push_next(&mut probe.features11).push_next(&mut probe.features12);
+            }
+            if has13 {
+                features = features.push_next(&mut probe.features13);
+            }
+            if derivatives_extension {
+                features = features.push_next(&mut derivatives);
+            }
+            instance.get_physical_device_features2(physical, &mut features);
+            probe.derivatives = derivatives.compute_derivative_group_linear == vk::TRUE;
+        }
+        // The structures are chained again at device creation: a stale link there never ends.
+        probe.vulkan11.p_next = std::ptr::null_mut();
+        probe.vulkan12.p_next = std::ptr::null_mut();
+        probe.vulkan13.p_next = std::ptr::null_mut();
+        probe.features11.p_next = std::ptr::null_mut();
+        probe.features12.p_next = std::ptr::null_mut();
+        probe.features13.p_next = std::ptr::null_mut();
+        probe
+    }
+
+    /// All requirements that are not met.
+    pub fn missing(&self) -> Vec<Missing> {
+        let missing = REQUIREMENTS.iter().filter_map(|r| r.missing(self));
+        if self.properties.api_version < vk::API_VERSION_1_3 {
+            // Nothing else was read, so nothing else can be said.
+            return missing.take(1).collect();
+        }
+        missing.collect()
+    }
+
+    /// The family that runs everything, and whether it draws too.
+    pub fn family(&self) -> Option<(u32, bool)> {
+        self.graphics_family().map(|f| (f, true)).or_else(|| {
+            let compute = |q: &vk::QueueFamilyProperties| {
+                q.queue_count > 0 && q.queue_flags.contains(vk::QueueFlags::COMPUTE)
+            };
+            self.queues.iter().position(compute).map(|i| (i as u32, false))
+        })
+    }
+
+    fn graphics_family(&self) -> Option<u32> {
+        let both = vk::QueueFlags::COMPUTE | vk::QueueFlags::GRAPHICS;
+        let fits =
+            |q: &vk::QueueFamilyProperties| q.queue_count > 0 && q.queue_flags.contains(both);
+        self.queues.iter().position(fits).map(|i| i as u32)
+    }
+
+    /// The extension that brings derivatives to compute, under the name this driver knows.
+    pub fn derivatives_extension(&self) -> Option<&'static std::ffi::CStr> {
+        DERIVATIVES_EXTENSIONS
+            .iter()
+            .find(|name| self.extensions.iter().any(|e| e.as_bytes() == name.to_bytes()))
+            .copied()
+            .filter(|_| self.derivatives)
+    }
+}
+
+/// The extension and the older one it was made from: same structure, same capability.
+const DERIVATIVES_EXTENSIONS: [&std::ffi::CStr; 2] =
+    [c"VK_KHR_compute_shader_derivatives", c"VK_NV_compute_shader_derivatives"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mesa_versions_are_read_from_driver_info() {
+        assert_eq!(mesa_major("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
+        assert_eq!(mesa_major("Mesa 22.3.6 (LLVM 15.0.6)"), Some(22));
+        assert_eq!(mesa_major("SwiftShader"), None);
+    }
+
+    #[test]
+    fn an_empty_probe_misses_only_the_version_that_hides_the_rest() {
+        let missing = Probe::default().missing();
+        assert_eq!(missing.len(), 1);
+        assert_eq!(missing[0].name, "Vulkan 1.3");
+    }
+}

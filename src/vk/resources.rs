@@ -1,0 +1,116 @@
+//! Host data on the device: each buffer and texture of a [`crate::pass::Pass`] is uploaded once and
+//! recognised by the identity of its `Arc`.
+//!
+//! The cache holds the `Arc`, so that an address cannot be reused while its upload is known. What
+//! nobody else holds any more is forgotten by [`Resources::trim`].
+
+use super::{
+    buffer::{Buffer, Memory},
+    gpu::Gpu,
+    image::{Image, ImageInfo, ImageUse},
+    recorder::Recorder,
+    sampler::Sampler,
+};
+use crate::{
+    error::Result,
+    pass,
+    texture::{self, Texture},
+};
+use std::{collections::HashMap, sync::Arc};
+
+/// Uploaded buffers and textures.
+pub struct Resources {
+    gpu: Gpu,
+    buffers: HashMap<*const pass::Buffer, (Arc<pass::Buffer>, Buffer<u8>)>,
+    textures: HashMap<*const Texture, (Arc<Texture>, Image)>,
+    /// Copies that [`Resources::flush`] has to run.
+    pending: Option<Recorder>,
+}
+
+// SAFETY: the pointers are keys only; what they point to is held by the `Arc` beside them.
+unsafe impl Send for Resources {}
+
+impl Resources {
+    /// An empty cache.
+    pub fn new(gpu: &Gpu) -> Self {
+        Self { gpu: gpu.clone(), buffers: HashMap::new(), textures: HashMap::new(), pending: None }
+    }
+
+    /// The upload of `buffer`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Capacity`] without memory for it.
+    pub fn buffer(&mut self, buffer: &Arc<pass::Buffer>) -> Result<Buffer<u8>> {
+        if let Some((_, uploaded)) = self.buffers.get(&Arc::as_ptr(buffer)) {
+            return Ok(uploaded.clone());
+        }
+        let uploaded = if self.gpu.0.unified_memory {
+            // The host's memory is the device's: a copy would only cost memory and time.
+            Buffer::upload(&self.gpu, &buffer.label, &buffer.bytes)?
+        } else {
+            let (len, memory) = (buffer.bytes.len(), Memory::Device);
+            let uploaded = Buffer::new(&self.gpu, &buffer.label, len, memory)?;
+            self.pending()?.upload(&uploaded, &buffer.bytes)?;
+            uploaded
+        };
+        self.buffers.insert(Arc::as_ptr(buffer), (buffer.clone(), uploaded.clone()));
+        Ok(uploaded)
+    }
+
+    /// The upload of `texture`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Capacity`] without memory for it, [`crate::Error::Usage`] if its levels are
+    /// not those of its size.
+    pub fn texture(&mut self, texture: &Arc<Texture>) -> Result<Image> {
+        if let Some((_, uploaded)) = self.textures.get(&Arc::as_ptr(texture)) {
+            return Ok(uploaded.clone());
+        }
+        let uploaded = Image::new(
+            &self.gpu,
+            &ImageInfo {
+                name: &texture.label,
+                extent: texture.extent,
+                format: texture.format,
+                levels: texture.levels.len() as u32,
+                usage: ImageUse::Sampled,
+            },
+        )?;
+        self.pending()?.upload_image(&uploaded, &texture.levels)?;
+        self.textures.insert(Arc::as_ptr(texture), (texture.clone(), uploaded.clone()));
+        Ok(uploaded)
+    }
+
+    /// The sampler for `state`.
+    ///
+    /// # Errors
+    /// As [`Sampler::new`].
+    pub fn sampler(&mut self, state: &texture::Sampler) -> Result<Sampler> {
+        Sampler::new(&self.gpu, state)
+    }
+
+    /// Runs the copies that are pending. Nothing that was asked for may be used before.
+    ///
+    /// # Errors
+    /// As [`super::Recording::run`].
+    pub fn flush(&mut self) -> Result<()> {
+        match self.pending.take() {
+            Some(recorder) => recorder.submit().map(|_| ()),
+            None => Ok(()),
+        }
+    }
+
+    /// Forgets what nobody else holds.
+    pub fn trim(&mut self) {
+        self.buffers.retain(|_, (held, _)| Arc::strong_count(held) > 1);
+        self.textures.retain(|_, (held, _)| Arc::strong_count(held) > 1);
+    }
+
+    fn pending(&mut self) -> Result<&mut Recorder> {
+        let recorder = match self.pending.take() {
+            Some(recorder) => recorder,
+            None => Recorder::new(&self.gpu, "uploads")?,
+        };
+        Ok(self.pending.insert(recorder))
+    }
+}

@@ -1,0 +1,438 @@
+//! The resource table, descriptor set 1: every resource of users' shaders, found by number.
+//!
+//! One run-time array per kind of descriptor. Each draw brings one index per resource of its shaders,
+//! so that draws with different textures and constants run in one dispatch, and the engine needs two
+//! descriptor sets whatever users declare (some drivers have only four). Uniform and push-constant
+//! blocks are storage buffers here: drivers with 15 uniform buffers exist.
+//!
+//! A table is full of valid descriptors at all times: a lane that is switched off may still make a
+//! driver look at whatever index it holds, and an image that was never written crashes some. Slots
+//! that are free show a 1x1 image or a small buffer of zeros.
+
+use super::{
+    buffer::{Buffer, RawBuffer},
+    error::capacity,
+    gpu::{Gpu, Shared},
+    image::{Image, ImageInfo, ImageUse},
+    recorder::Recorder,
+    requirements::Probe,
+    sampler::Sampler,
+};
+use crate::{
+    error::{Error, Result},
+    format::Format,
+    image::Extent,
+    texture,
+};
+use ash::vk;
+use bytemuck::Pod;
+use std::{
+    any::Any,
+    collections::HashMap,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+/// Slots of each kind. The default is enough for scenes with tens of thousands of draws; what a
+/// device offers less of is cut down when it is opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TableSizes {
+    /// Binding 0: images with their samplers.
+    pub sampled: u32,
+    /// Binding 1: images.
+    pub textures: u32,
+    /// Binding 2: samplers.
+    pub samplers: u32,
+    /// Binding 3: storage images.
+    pub storage_images: u32,
+    /// Binding 4: storage, uniform and push-constant blocks.
+    pub buffers: u32,
+}
+
+impl Default for TableSizes {
+    fn default() -> Self {
+        Self { sampled: 8192, textures: 4096, samplers: 256, storage_images: 256, buffers: 65536 }
+    }
+}
+
+/// The kinds of descriptor, in the order of their bindings.
+const KINDS: [(vk::DescriptorType, &str); 5] = [
+    (vk::DescriptorType::COMBINED_IMAGE_SAMPLER, "sampled images"),
+    (vk::DescriptorType::SAMPLED_IMAGE, "textures"),
+    (vk::DescriptorType::SAMPLER, "samplers"),
+    (vk::DescriptorType::STORAGE_IMAGE, "storage images"),
+    (vk::DescriptorType::STORAGE_BUFFER, "buffers"),
+];
+
+/// Storage buffers that a kernel's own set may have beside the table.
+const KERNEL_BUFFERS: u32 = 32;
+
+/// Descriptors written by one call when the table is filled.
+const FILL_CHUNK: u32 = 1024;
+
+impl TableSizes {
+    /// Slots by binding.
+    pub fn by_binding(self) -> [u32; 5] {
+        [self.sampled, self.textures, self.samplers, self.storage_images, self.buffers]
+    }
+
+    /// What the device has room for.
+    pub(super) fn capped(self, probe: &Probe) -> Self {
+        let l = &probe.vulkan12;
+        let of = |stage: u32, set: u32| stage.min(set);
+        let samplers = of(
+            l.max_per_stage_descriptor_update_after_bind_samplers,
+            l.max_descriptor_set_update_after_bind_samplers,
+        );
+        let images = of(
+            l.max_per_stage_descriptor_update_after_bind_sampled_images,
+            l.max_descriptor_set_update_after_bind_sampled_images,
+        );
+        let storage_images = of(
+            l.max_per_stage_descriptor_update_after_bind_storage_images,
+            l.max_descriptor_set_update_after_bind_storage_images,
+        );
+        let buffers = of(
+            l.max_per_stage_descriptor_update_after_bind_storage_buffers,
+            l.max_descriptor_set_update_after_bind_storage_buffers,
+        );
+        // A sampled image counts as a sampler and as an image. Half of what is left over all kinds
+        // is the fair share of the largest one.
+        let all = l.max_per_stage_update_after_bind_resources;
+        Self {
+            sampled: self.sampled.min(samplers / 2).min(images / 2).min(all / 8).max(1),
+            textures: self.textures.min(images / 2).min(all / 8).max(1),
+            samplers: self.samplers.min(samplers / 2).min(all / 8).max(1),
+            storage_images: self.storage_images.min(storage_images).min(all / 8).max(1),
+            buffers: self.buffers.min(buffers.saturating_sub(KERNEL_BUFFERS)).min(all / 4).max(1),
+        }
+    }
+}
+
+/// The layout of set 1, the same for all kernels of a device.
+pub(super) fn layout(gpu: &Shared) -> Result<vk::DescriptorSetLayout> {
+    let flags = [vk::DescriptorBindingFlags::PARTIALLY_BOUND
+        | vk::DescriptorBindingFlags::UPDATE_AFTER_BIND; KINDS.len()];
+    let bindings: Vec<_> = KINDS
+        .iter()
+        .zip(gpu.table_sizes.by_binding())
+        .enumerate()
+        .map(|(i, ((kind, _), count))| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(i as u32)
+                .descriptor_type(*kind)
+                .descriptor_count(count)
+                .stage_flags(vk::ShaderStageFlags::COMPUTE)
+        })
+        .collect();
+    let mut flags = vk::DescriptorSetLayoutBindingFlagsCreateInfo::default().binding_flags(&flags);
+    let info = vk::DescriptorSetLayoutCreateInfo::default()
+        .flags(vk::DescriptorSetLayoutCreateFlags::UPDATE_AFTER_BIND_POOL)
+        .bindings(&bindings)
+        .push_next(&mut flags);
+    // SAFETY: the device is alive and offers update-after-bind for these kinds.
+    unsafe { gpu.device.create_descriptor_set_layout(&info, None) }
+        .map_err(|e| gpu.failure("creating the layout of the resource table", e))
+}
+
+/// The resource table of one executor.
+pub struct ResourceTable {
+    raw: Arc<RawTable>,
+    /// Slot by (binding, handles, offset, bytes): the same resource is stored once.
+    slots: HashMap<Key, u32>,
+    used: [u32; KINDS.len()],
+    dummy_buffer: Buffer<u32>,
+    dummy_sampled: Image,
+    dummy_storage: Image,
+    dummy_sampler: Sampler,
+}
+
+/// Identity of a resource in the table.
+type Key = (u32, u64, u64, u64, u64);
+
+/// What recordings hold on to.
+pub(super) struct RawTable {
+    pub set: vk::DescriptorSet,
+    pool: vk::DescriptorPool,
+    /// Everything a slot may show.
+    keep: Mutex<Vec<Arc<dyn Any + Send + Sync>>>,
+    gpu: Gpu,
+}
+
+impl ResourceTable {
+    /// An empty table.
+    ///
+    /// # Errors
+    /// [`Error::Capacity`] if the device has no room for it.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        let sizes: Vec<_> = KINDS
+            .iter()
+            .zip(gpu.0.table_sizes.by_binding())
+            .map(|((kind, _), count)| {
+                vk::DescriptorPoolSize::default().ty(*kind).descriptor_count(count)
+            })
+            .collect();
+        let info = vk::DescriptorPoolCreateInfo::default()
+            .flags(vk::DescriptorPoolCreateFlags::UPDATE_AFTER_BIND)
+            .max_sets(1)
+            .pool_sizes(&sizes);
+        // SAFETY: the device is alive; `RawTable` owns the pool from here on.
+        let pool = unsafe { gpu.0.device.create_descriptor_pool(&info, None) }
+            .map_err(|e| gpu.failure("creating the resource table", e))?;
+        let mut raw = RawTable {
+            set: vk::DescriptorSet::null(),
+            pool,
+            keep: Mutex::default(),
+            gpu: gpu.clone(),
+        };
+        let layouts = [gpu.0.table_layout];
+        let info =
+            vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: the pool has room for exactly this set.
+        raw.set = unsafe { gpu.0.device.allocate_descriptor_sets(&info) }
+            .map_err(|e| gpu.failure("allocating the resource table", e))?[0];
+
+        let one = |name, usage| {
+            let extent = Extent::new(1, 1);
+            let info = ImageInfo { name, extent, format: Format::Rgba8Unorm, levels: 1, usage };
+            Image::new(gpu, &info)
+        };
+        let dummy_sampled = one("unused texture slot", ImageUse::Sampled)?;
+        let dummy_storage = one("unused storage image slot", ImageUse::Storage)?;
+        let dummy_buffer = Buffer::upload(gpu, "unused buffer slot", &[0; 64])?;
+        let dummy_sampler = Sampler::new(gpu, &texture::Sampler::default())?;
+        let mut recorder = Recorder::new(gpu, "unused table slots")?;
+        recorder.upload_image(&dummy_sampled, &[&[0; 4]])?;
+        recorder.upload_image(&dummy_storage, &[&[0; 4]])?;
+        recorder.submit()?;
+
+        let table = Self {
+            raw: Arc::new(raw),
+            slots: HashMap::new(),
+            used: [0; KINDS.len()],
+            dummy_buffer,
+            dummy_sampled,
+            dummy_storage,
+            dummy_sampler,
+        };
+        table.keep(table.dummy_buffer.raw().clone());
+        table.keep(table.dummy_sampled.0.clone());
+        table.keep(table.dummy_storage.0.clone());
+        for (binding, count) in gpu.0.table_sizes.by_binding().into_iter().enumerate() {
+            table.fill(binding as u32, 0, count);
+        }
+        Ok(table)
+    }
+
+    /// Frees all slots. The caller sees to it that no submission is using the table.
+    pub fn clear(&mut self) {
+        for (binding, used) in std::mem::take(&mut self.used).into_iter().enumerate() {
+            self.fill(binding as u32, 0, used);
+        }
+        self.slots.clear();
+        // The first three are the content of free slots.
+        self.raw.keep.lock().unwrap_or_else(PoisonError::into_inner).truncate(3);
+    }
+
+    /// Slots that are taken, by binding.
+    pub fn used(&self) -> [u32; 5] {
+        self.used
+    }
+
+    /// The index of `image` with `sampler`.
+    ///
+    /// # Errors
+    /// [`Error::Capacity`] if the table is full, as for all functions that insert.
+    pub fn insert_sampled(&mut self, image: &Image, sampler: &Sampler) -> Result<u32> {
+        use vk::Handle;
+        let key = (0, image.0.view.as_raw(), sampler.handle.as_raw(), 0, 0);
+        let info = image_info(image, sampler.handle);
+        self.insert_image(key, info, image)
+    }
+
+    /// The index of `image` without a sampler.
+    ///
+    /// # Errors
+    /// As [`ResourceTable::insert_sampled`].
+    pub fn insert_texture(&mut self, image: &Image) -> Result<u32> {
+        use vk::Handle;
+        let key = (1, image.0.view.as_raw(), 0, 0, 0);
+        self.insert_image(key, image_info(image, vk::Sampler::null()), image)
+    }
+
+    /// The index of `sampler`.
+    ///
+    /// # Errors
+    /// As [`ResourceTable::insert_sampled`].
+    pub fn insert_sampler(&mut self, sampler: &Sampler) -> Result<u32> {
+        use vk::Handle;
+        let key = (2, sampler.handle.as_raw(), 0, 0, 0);
+        if let Some(&slot) = self.slots.get(&key) {
+            return Ok(slot);
+        }
+        let slot = self.take(key)?;
+        let info = [vk::DescriptorImageInfo::default().sampler(sampler.handle)];
+        self.write(2, slot, &info, &[]);
+        Ok(slot)
+    }
+
+    /// The index of `image` as a storage image.
+    ///
+    /// # Errors
+    /// As [`ResourceTable::insert_sampled`].
+    pub fn insert_storage_image(&mut self, image: &Image) -> Result<u32> {
+        use vk::Handle;
+        let key = (3, image.0.view.as_raw(), 0, 0, 0);
+        self.insert_image(key, image_info(image, vk::Sampler::null()), image)
+    }
+
+    /// The index of `buffer` (or of a slice of it) as a storage buffer.
+    ///
+    /// # Errors
+    /// As [`ResourceTable::insert_sampled`], [`Error::Capacity`] if it is longer than a binding
+    /// reaches, and [`Error::Usage`] if its first byte is not aligned.
+    pub fn insert_buffer<T: Pod>(&mut self, buffer: &Buffer<T>) -> Result<u32> {
+        use vk::Handle;
+        let (offset, bytes) = check_binding(&self.raw.gpu, buffer)?;
+        let key = (4, buffer.raw().handle.as_raw(), 0, offset, bytes);
+        if let Some(&slot) = self.slots.get(&key) {
+            return Ok(slot);
+        }
+        let slot = self.take(key)?;
+        self.keep(buffer.raw().clone());
+        let info = [buffer_info(buffer.raw(), offset, bytes)];
+        self.write(4, slot, &[], &info);
+        Ok(slot)
+    }
+
+    pub(super) fn raw(&self) -> &Arc<RawTable> {
+        &self.raw
+    }
+
+    fn insert_image(
+        &mut self,
+        key: Key,
+        info: vk::DescriptorImageInfo,
+        image: &Image,
+    ) -> Result<u32> {
+        if let Some(&slot) = self.slots.get(&key) {
+            return Ok(slot);
+        }
+        let storage = key.0 == 3;
+        if storage != (image.0.usage == ImageUse::Storage) {
+            return Err(Error::Usage(format!(
+                "image `{}` is for {:?} and cannot be one of the table's {}",
+                image.name(),
+                image.0.usage,
+                KINDS[key.0 as usize].1
+            )));
+        }
+        let slot = self.take(key)?;
+        self.keep(image.0.clone());
+        self.write(key.0, slot, &[info], &[]);
+        Ok(slot)
+    }
+
+    /// The next free slot of the key's binding.
+    fn take(&mut self, key: Key) -> Result<u32> {
+        let binding = key.0 as usize;
+        let size = self.raw.gpu.0.table_sizes.by_binding()[binding];
+        let slot = self.used[binding];
+        if slot == size {
+            return Err(Error::Capacity {
+                what: format!("slot {slot} of the resource table's {}", KINDS[binding].1),
+                wanted: u64::from(slot) + 1,
+                limit_of: format!("slots on {}", self.raw.gpu.name()),
+                limit: u64::from(size),
+                advice: "split the pass, or open the device with larger `GpuOptions::table`".into(),
+            });
+        }
+        self.used[binding] += 1;
+        self.slots.insert(key, slot);
+        Ok(slot)
+    }
+
+    fn keep(&self, what: Arc<dyn Any + Send + Sync>) {
+        self.raw.keep.lock().unwrap_or_else(PoisonError::into_inner).push(what);
+    }
+
+    /// Makes `count` slots from `first` on show what free slots show.
+    fn fill(&self, binding: u32, first: u32, count: u32) {
+        let sampler = self.dummy_sampler.handle;
+        let image = match binding {
+            0 => image_info(&self.dummy_sampled, sampler),
+            2 => vk::DescriptorImageInfo::default().sampler(sampler),
+            3 => image_info(&self.dummy_storage, vk::Sampler::null()),
+            _ => image_info(&self.dummy_sampled, vk::Sampler::null()),
+        };
+        let raw = self.dummy_buffer.raw();
+        let buffer = buffer_info(raw, 0, raw.size);
+        let mut at = first;
+        while at < first + count {
+            let n = FILL_CHUNK.min(first + count - at) as usize;
+            match binding {
+                4 => self.write(binding, at, &[], &vec![buffer; n]),
+                _ => self.write(binding, at, &vec![image; n], &[]),
+            }
+            at += n as u32;
+        }
+    }
+
+    fn write(
+        &self,
+        binding: u32,
+        slot: u32,
+        images: &[vk::DescriptorImageInfo],
+        buffers: &[vk::DescriptorBufferInfo],
+    ) {
+        let mut write = vk::WriteDescriptorSet::default()
+            .dst_set(self.raw.set)
+            .dst_binding(binding)
+            .dst_array_element(slot)
+            .descriptor_type(KINDS[binding as usize].0);
+        write = match images {
+            [] => write.buffer_info(buffers),
+            images => write.image_info(images),
+        };
+        // SAFETY: slots are inside the layout's counts, everything written is kept alive by
+        // `keep`, and the bindings may be updated after they were bound.
+        unsafe { self.raw.gpu.0.device.update_descriptor_sets(&[write], &[]) };
+    }
+}
+
+impl Drop for RawTable {
+    fn drop(&mut self) {
+        // SAFETY: recordings that use the table hold it until their fence.
+        unsafe { self.gpu.0.device.destroy_descriptor_pool(self.pool, None) };
+    }
+}
+
+fn image_info(image: &Image, sampler: vk::Sampler) -> vk::DescriptorImageInfo {
+    vk::DescriptorImageInfo::default()
+        .image_view(image.0.view)
+        .image_layout(image.0.shader_layout())
+        .sampler(sampler)
+}
+
+fn buffer_info(buffer: &RawBuffer, offset: u64, bytes: u64) -> vk::DescriptorBufferInfo {
+    vk::DescriptorBufferInfo::default().buffer(buffer.handle).offset(offset).range(bytes)
+}
+
+/// Offset and bytes of a storage-buffer binding, if the device allows it.
+pub(super) fn check_binding<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Result<(u64, u64)> {
+    let limits = gpu.limits();
+    let (offset, bytes) = (buffer.offset(), buffer.descriptor_bytes());
+    if bytes > limits.storage_range_bytes {
+        let limit_of = format!("one storage-buffer binding on {}", gpu.name());
+        let what = format!("buffer `{}`", buffer.name());
+        return Err(capacity(&what, bytes, limit_of, limits.storage_range_bytes));
+    }
+    if offset % limits.storage_offset_bytes != 0 {
+        return Err(Error::Usage(format!(
+            "buffer `{}` is bound from byte {offset} on; {} asks for multiples of {}",
+            buffer.name(),
+            gpu.name(),
+            limits.storage_offset_bytes
+        )));
+    }
+    Ok((offset, bytes))
+}
