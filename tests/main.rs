@@ -1,6 +1,8 @@
 //! The test suite: one binary, one module for each question it answers.
 
+mod common;
 mod tidy;
+mod vk;
 
 use std::io::Write as _;
 

@@ -1,0 +1,93 @@
+//! What tests of the device share: opening one with the validation layer on, and failing on its
+//! messages; compiling a kernel from a few lines of GLSL.
+
+use glslang::{
+    Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
+    SourceLanguage, SpirvVersion, Target, VulkanVersion,
+};
+use std::ops::Deref;
+use tilewright::vk::{Gpu, GpuOptions, devices};
+
+/// A device that fails the test if the validation layer said anything while it was open.
+pub struct TestGpu(Gpu);
+
+impl Deref for TestGpu {
+    type Target = Gpu;
+    fn deref(&self) -> &Gpu {
+        &self.0
+    }
+}
+
+impl Drop for TestGpu {
+    fn drop(&mut self) {
+        let messages = self.0.validation_messages();
+        if !std::thread::panicking() {
+            assert!(messages.is_empty(), "validation: {}", messages.join("\n"));
+        }
+    }
+}
+
+/// The driver under test: lavapipe, or whichever one `VK_DRIVER_FILES` names first.
+pub fn gpu() -> TestGpu {
+    let found = devices().expect("a Vulkan driver; scripts/setup installs one");
+    let first = found
+        .iter()
+        .find(|d| !d.name.contains("SwiftShader"))
+        .or(found.first())
+        .expect("a Vulkan device; scripts/setup installs a driver");
+    open(&first.index.to_string())
+}
+
+/// SwiftShader: another driver, subgroups of 4, no 64-bit integers. `None`, and a line that says so,
+/// if it is not among the drivers.
+pub fn swiftshader(case: &str) -> Option<TestGpu> {
+    let found = devices().expect("a Vulkan driver; scripts/setup installs one");
+    let Some(second) = found.iter().find(|d| d.name.contains("SwiftShader")) else {
+        crate::did_not_run(
+            case,
+            "SwiftShader's json in VK_DRIVER_FILES, beside the first driver's",
+        );
+        return None;
+    };
+    Some(open(&second.index.to_string()))
+}
+
+/// Runs `case` on the driver under test, then on SwiftShader.
+pub fn on_each_gpu(name: &str, case: impl Fn(&Gpu)) {
+    case(&gpu());
+    if let Some(second) = swiftshader(name) {
+        case(&second);
+    }
+}
+
+/// Opens a device with validation, and without the user's pipeline cache.
+pub fn open(device: &str) -> TestGpu {
+    let options = GpuOptions {
+        device: Some(device.into()),
+        validation: true,
+        cache: None,
+        ..GpuOptions::default()
+    };
+    TestGpu(Gpu::open(&options).unwrap_or_else(|e| panic!("{e}")))
+}
+
+/// A compute shader as SPIR-V, as the engine's own kernels are compiled.
+pub fn kernel_spirv(source: &str) -> Vec<u32> {
+    let compiler = Compiler::acquire().expect("the GLSL compiler starts");
+    let options = CompilerOptions {
+        source_language: SourceLanguage::GLSL,
+        target: Target::Vulkan {
+            version: VulkanVersion::Vulkan1_2,
+            spirv_version: SpirvVersion::SPIRV1_5,
+        },
+        version_profile: None,
+        messages: ShaderMessage::SPV_RULES | ShaderMessage::VULKAN_RULES,
+    };
+    let source = ShaderSource::from(source.to_string());
+    let defines = None::<&[(&str, Option<&str>)]>;
+    let input = ShaderInput::new(&source, ShaderStage::Compute, &options, defines, None);
+    compiler
+        .create_shader(input.unwrap_or_else(|e| panic!("{e}")))
+        .and_then(|shader| shader.compile())
+        .unwrap_or_else(|e| panic!("{e}"))
+}

@@ -1,0 +1,198 @@
+//! Does the device layer do what it promises, on every driver, without a validation message?
+
+use crate::common::{gpu, kernel_spirv, on_each_gpu};
+use tilewright::{
+    Error,
+    format::Format,
+    image::Extent,
+    texture,
+    vk::{
+        Buffer, Gpu, Image, ImageInfo, ImageUse, Kernel, KernelInfo, Memory, Recorder,
+        ResourceTable, Sampler, doctor,
+    },
+};
+
+const SCALE: &str = "#version 460
+#extension GL_EXT_scalar_block_layout : require
+layout(local_size_x_id = 7) in;
+layout(constant_id = 3) const uint ADDEND = 1;
+struct Pair { uint a; uint b; uint c; };
+layout(scalar, binding = 2) readonly buffer From { Pair from[]; };
+layout(scalar, binding = 5) writeonly buffer To { uint to_[]; } to;
+layout(push_constant, scalar) uniform Push { uint factor; uvec2 count; };
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i < count.y) to.to_[i] = (from[i].a + from[i].b + from[i].c) * factor + ADDEND;
+}";
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Push {
+    factor: u32,
+    count: [u32; 2],
+}
+
+fn scale(gpu: &Gpu, constants: &[(&str, u32)]) -> Kernel {
+    let info = KernelInfo {
+        name: "scale",
+        spirv: &kernel_spirv(SCALE),
+        constants,
+        constant_ids: &[(7, 64)],
+        ..KernelInfo::default()
+    };
+    Kernel::new(gpu, &info).unwrap()
+}
+
+#[test]
+fn a_kernel_finds_its_buffers_by_name() {
+    on_each_gpu("a kernel finds its buffers by name", |gpu| {
+        let n = 1000usize;
+        let kernel = scale(gpu, &[("ADDEND", 9)]);
+        assert_eq!(kernel.workgroup(), [64, 1, 1]);
+        assert_eq!(kernel.push_constant_bytes(), 12);
+        assert_eq!(kernel.buffers().collect::<Vec<_>>(), ["From", "to"]);
+        let from: Vec<[u32; 3]> = (0..n as u32).map(|i| [i, 2 * i, 5]).collect();
+        let input = Buffer::<[u32; 3]>::new(gpu, "input", n, Memory::Device).unwrap();
+        let output = Buffer::<u32>::new(gpu, "output", n, Memory::Device).unwrap();
+        let mut recorder = Recorder::new(gpu, "test").unwrap();
+        recorder.time_stages();
+        recorder.upload(&input, &from).unwrap();
+        recorder
+            .kernel(&kernel)
+            .bind("From", &input)
+            .bind("to", &output)
+            .push(&Push { factor: 3, count: [0, n as u32] })
+            .dispatch([(n as u32).div_ceil(64), 1, 1])
+            .unwrap();
+        let result = recorder.download(&output).unwrap();
+        let mut recording = recorder.finish().unwrap();
+        for _ in 0..2 {
+            let timings = recording.run().unwrap();
+            let labels: Vec<_> = timings.stages.iter().map(|(label, _)| label.as_str()).collect();
+            assert_eq!(labels, ["scale"]);
+            assert!(timings.stages[0].1 <= timings.total_ns, "{timings:?}");
+            let expected: Vec<u32> = (0..n as u32).map(|i| (3 * i + 5) * 3 + 9).collect();
+            assert_eq!(result.read().unwrap(), expected);
+        }
+    });
+}
+
+#[test]
+fn what_is_bound_wrongly_is_refused_with_the_names() {
+    let gpu = gpu();
+    let kernel = scale(&gpu, &[]);
+    let input = Buffer::<[u32; 3]>::new(&gpu, "input", 4, Memory::Device).unwrap();
+    let output = Buffer::<u32>::new(&gpu, "output", 4, Memory::Device).unwrap();
+    let push = Push { factor: 1, count: [0, 4] };
+    let mut recorder = Recorder::new(&gpu, "faults").unwrap();
+    let mut fault = |describe: &mut dyn FnMut(&mut Recorder) -> tilewright::Result<()>| {
+        describe(&mut recorder).unwrap_err().to_string()
+    };
+    let text =
+        fault(&mut |r| r.kernel(&kernel).bind("From", &input).push(&push).dispatch([1, 1, 1]));
+    assert!(text.contains("scale") && text.contains("`to`"), "{text}");
+    let text = fault(&mut |r| r.kernel(&kernel).bind("form", &input).dispatch([1, 1, 1]));
+    assert!(text.contains("`form`") && text.contains("From"), "{text}");
+    let text = fault(&mut |r| r.kernel(&kernel).bind("From", &output).dispatch([1, 1, 1]));
+    assert!(text.contains("12-byte") && text.contains("4-byte"), "{text}");
+    let text = fault(&mut |r| {
+        r.kernel(&kernel).bind("From", &input).bind("to", &output).push(&1u32).dispatch([1, 1, 1])
+    });
+    assert!(text.contains("12 bytes of push constants"), "{text}");
+    let text = fault(&mut |r| {
+        let bound = r.kernel(&kernel).bind("From", &input).bind("to", &output).push(&push);
+        bound.dispatch_indirect(&output, 8)
+    });
+    assert!(text.contains("byte 8"), "{text}");
+}
+
+const TABLE: &str = "#version 460
+#extension GL_EXT_nonuniform_qualifier : require
+#extension GL_EXT_scalar_block_layout : require
+layout(local_size_x = 16) in;
+layout(set = 1, binding = 0) uniform sampler2D table_sampled[];
+layout(set = 1, binding = 1) uniform texture2D table_textures[];
+layout(set = 1, binding = 2) uniform sampler table_samplers[];
+layout(set = 1, binding = 4, scalar) readonly buffer Words { uint words[]; } table_buffers[];
+struct Slots { uint sampled; uint texture_; uint sampler_; uint buffer_; };
+layout(set = 0, binding = 0, scalar) readonly buffer S { Slots slots[]; };
+layout(set = 0, binding = 1, scalar) writeonly buffer R { vec4 results[]; };
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    Slots s = slots[i];
+    vec4 a = textureLod(table_sampled[nonuniformEXT(s.sampled)], vec2(0.5), 0.0);
+    vec4 b = textureLod(sampler2D(table_textures[nonuniformEXT(s.texture_)], table_samplers[nonuniformEXT(s.sampler_)]),
+                        vec2(0.5), 1.0);
+    uint c = table_buffers[nonuniformEXT(s.buffer_)].words[1];
+    results[i] = vec4(a.r, b.g, float(c), 1.0);
+}";
+
+#[test]
+fn lanes_of_a_subgroup_read_different_slots_of_the_table() {
+    on_each_gpu("lanes of a subgroup read different slots of the table", |gpu| {
+        let lanes = 16usize;
+        let info =
+            KernelInfo { name: "table", spirv: &kernel_spirv(TABLE), ..KernelInfo::default() };
+        let kernel = Kernel::new(gpu, &info).unwrap();
+        assert!(kernel.uses_table());
+        let mut table = ResourceTable::new(gpu).unwrap();
+        let sampler = Sampler::new(gpu, &texture::Sampler::default()).unwrap();
+        let mut recorder = Recorder::new(gpu, "uploads").unwrap();
+        let mut slots = Vec::new();
+        for i in 0..lanes {
+            let name = format!("texture {i}");
+            let info = ImageInfo {
+                name: &name,
+                extent: Extent::new(2, 2),
+                format: Format::Rgba8Unorm,
+                levels: 2,
+                usage: ImageUse::Sampled,
+            };
+            let image = Image::new(gpu, &info).unwrap();
+            let levels = [vec![i as u8 * 10; 16], vec![i as u8 * 10 + 5; 4]];
+            recorder.upload_image(&image, &levels).unwrap();
+            let buffer = Buffer::upload(gpu, "words", &[0u32, i as u32 * 100]).unwrap();
+            slots.push([
+                table.insert_sampled(&image, &sampler).unwrap(),
+                table.insert_texture(&image).unwrap(),
+                table.insert_sampler(&sampler).unwrap(),
+                table.insert_buffer(&buffer).unwrap(),
+            ]);
+        }
+        recorder.submit().unwrap();
+        assert_eq!(table.used(), [16, 16, 1, 0, 16]);
+        slots.reverse();
+        let slots = Buffer::upload(gpu, "slots", &slots).unwrap();
+        let results = Buffer::<[f32; 4]>::new(gpu, "results", lanes, Memory::Device).unwrap();
+        let mut recorder = Recorder::new(gpu, "read").unwrap();
+        let dispatch = recorder.kernel(&kernel).bind("S", &slots).bind("R", &results);
+        dispatch.table(&table).dispatch([1, 1, 1]).unwrap();
+        let read = recorder.download(&results).unwrap();
+        recorder.submit().unwrap();
+        for (lane, result) in read.read().unwrap().into_iter().enumerate() {
+            let i = (lanes - 1 - lane) as f32;
+            let expected = [i * 10.0 / 255.0, (i * 10.0 + 5.0) / 255.0, i * 100.0, 1.0];
+            for (a, b) in result.iter().zip(expected) {
+                assert!((a - b).abs() < 1e-3, "lane {lane}: {result:?}, not {expected:?}");
+            }
+        }
+        table.clear();
+        assert_eq!(table.used(), [0; 5]);
+    });
+}
+
+#[test]
+fn what_is_too_large_names_itself_and_the_limit() {
+    let gpu = gpu();
+    let error = Buffer::<u64>::new(&gpu, "everything", 1 << 50, Memory::Device).unwrap_err();
+    let text = error.to_string();
+    assert!(matches!(error, Error::Capacity { .. }));
+    assert!(text.contains("everything") && text.contains(&gpu.info().name), "{text}");
+}
+
+#[test]
+fn the_doctor_finds_this_machine_well() {
+    let doctor = doctor();
+    assert!(doctor.is_well(), "{doctor:#?}");
+    assert!(!doctor.drivers.is_empty() && !doctor.devices.is_empty(), "{doctor:#?}");
+}
