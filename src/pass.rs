@@ -5,7 +5,7 @@
 //! [`Arc`]; an executor uploads each of them once and recognises it by the identity of its `Arc`.
 
 use crate::{
-    format::VertexFormat,
+    format::{Format, VertexFormat},
     image::Extent,
     shader::Shader,
     state::{Blend, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
@@ -99,6 +99,26 @@ pub struct Pipeline {
     pub depth: DepthState,
     /// Blending; `None` overwrites.
     pub blend: Option<Blend>,
+}
+
+impl Pipeline {
+    /// A shader pair with the usual state: triangle lists without vertex buffers, both faces, nearer
+    /// fragments win where there is a depth target, no blending.
+    pub fn new(label: &str, vertex: Arc<Shader>, fragment: Arc<Shader>) -> Self {
+        Self {
+            label: label.into(),
+            vertex,
+            fragment,
+            specialization: Vec::new(),
+            vertex_bindings: Vec::new(),
+            vertex_attributes: Vec::new(),
+            topology: Topology::default(),
+            cull: Cull::default(),
+            front_face: FrontFace::default(),
+            depth: DepthState::default(),
+            blend: None,
+        }
+    }
 }
 
 /// One resource that a shader binds.
@@ -224,6 +244,20 @@ pub struct Pass {
     pub pipelines: Vec<Arc<Pipeline>>,
     /// In API order.
     pub draws: Vec<Draw>,
+}
+
+impl Pass {
+    /// A pass that draws nothing yet: an sRGB colour target cleared to transparent black, no depth.
+    pub fn new(label: &str, extent: Extent) -> Self {
+        Self {
+            label: label.into(),
+            extent,
+            color: ColorTarget { format: Format::Rgba8Srgb, clear: [0.0; 4] },
+            depth: None,
+            pipelines: Vec::new(),
+            draws: Vec::new(),
+        }
+    }
 }
 
 /// What a device executor returns of a [`Pass`].
