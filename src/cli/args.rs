@@ -111,6 +111,9 @@ pub struct ConformArgs {
 #[derive(Debug, Subcommand)]
 pub enum ConformSubject {
     /// Compile, splice and validate every .vert and .frag under a folder
+    #[command(after_help = "\
+Example:
+  tilewright conform shaders my/shaders --json")]
     Shaders(ConformShadersArgs),
 }
 

@@ -14,6 +14,9 @@
 //! command line is checked first, then the outputs, then the device, and only then is a scene read.
 
 mod args;
+mod device;
+mod devices;
+mod doctor;
 mod exit;
 mod output;
 mod plan;
@@ -45,8 +48,8 @@ fn dispatch(verb: Verb) -> Result<Outcome> {
         Verb::Render(args) => todo!("{args:?}"),
         Verb::Parity(args) => todo!("{args:?}"),
         Verb::Conform(args) => todo!("{args:?}"),
-        Verb::Devices(args) => todo!("{args:?}"),
-        Verb::Doctor(args) => todo!("{args:?}"),
+        Verb::Devices(args) => devices::run(&args),
+        Verb::Doctor(args) => doctor::run(&args),
     }
 }
 

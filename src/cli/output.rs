@@ -138,6 +138,11 @@ pub fn write_stdout(bytes: &[u8]) -> Result<()> {
     }
 }
 
+/// Writes `value` to standard output, indented, with a line feed.
+pub fn write_json(value: &serde_json::Value) -> Result<()> {
+    write_stdout(format!("{value:#}\n").as_bytes())
+}
+
 /// The folder that holds `path`.
 fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))

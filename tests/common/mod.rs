@@ -6,7 +6,7 @@ use glslang::{
     SourceLanguage, SpirvVersion, Target, VulkanVersion,
 };
 use std::ops::Deref;
-use tilewright::vk::{Gpu, GpuOptions, devices};
+use tilewright::vk::{DeviceInfo, Gpu, GpuOptions, devices};
 
 /// A device that fails the test if the validation layer said anything while it was open.
 pub struct TestGpu(Gpu);
@@ -28,14 +28,15 @@ impl Drop for TestGpu {
 }
 
 /// The driver under test: lavapipe, or whichever one `VK_DRIVER_FILES` names first.
-pub fn gpu() -> TestGpu {
+pub fn device_under_test() -> DeviceInfo {
     let found = devices().expect("a Vulkan driver; scripts/setup installs one");
-    let first = found
-        .iter()
-        .find(|d| !d.name.contains("SwiftShader"))
-        .or(found.first())
-        .expect("a Vulkan device; scripts/setup installs a driver");
-    open(&first.index.to_string())
+    let first = found.iter().find(|d| !d.name.contains("SwiftShader")).or(found.first());
+    first.expect("a Vulkan device; scripts/setup installs a driver").clone()
+}
+
+/// Opens the driver under test.
+pub fn gpu() -> TestGpu {
+    open(&device_under_test().index.to_string())
 }
 
 /// SwiftShader: another driver, subgroups of 4, no 64-bit integers. `None`, and a line that says so,

@@ -1,0 +1,43 @@
+//! Opening the device that was asked for, and saying which one it is.
+//!
+//! The device is said on standard error on every run and stored in every artefact: a picture or a
+//! figure without its device is worth nothing.
+
+use super::{args::DeviceArgs, talk};
+use crate::{
+    error::Result,
+    vk::{DeviceInfo, Gpu, GpuOptions, Require},
+};
+use serde_json::{Value, json};
+
+/// Opens the device and says which one it is.
+///
+/// # Errors
+/// As [`Gpu::open`].
+pub fn open(args: &DeviceArgs) -> Result<Gpu> {
+    let require = match (args.require_gpu, args.require_cpu) {
+        (true, _) => Require::Gpu,
+        (_, true) => Require::Cpu,
+        _ => Require::Any,
+    };
+    let device = args.device.clone().filter(|selector| !selector.is_empty());
+    let gpu = Gpu::open(&GpuOptions { device, require, ..GpuOptions::default() })?;
+    talk::line(format_args!("device: {}", gpu.info()));
+    Ok(gpu)
+}
+
+/// The device as it stands in every JSON this tool writes.
+pub fn block(info: &DeviceInfo) -> Value {
+    json!({
+        "index": info.index,
+        "name": info.name,
+        "uuid": info.uuid,
+        "kind": info.kind.name(),
+        "driver": info.driver,
+        "api_version": info.api_version,
+        "vendor_id": info.ids.0,
+        "device_id": info.ids.1,
+        "memory_bytes": info.memory_bytes,
+        "subgroup_sizes": [info.subgroup_sizes.0, info.subgroup_sizes.1],
+    })
+}

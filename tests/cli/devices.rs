@@ -1,0 +1,69 @@
+//! What is there, and the choice among it.
+
+use super::tool::{command, finish, run};
+use std::time::Duration;
+
+#[test]
+fn devices_lists_each_with_what_selects_it() {
+    let listed = run(["devices", "--json"]).expect(0).json();
+    assert_eq!(listed["schema_version"], 1);
+    let first = &listed["devices"][0];
+    for key in ["index", "name", "uuid", "kind", "driver", "api_version", "usable", "missing"] {
+        assert!(!first[key].is_null(), "{key}: {first}");
+    }
+    let text = run(["devices"]).expect(0);
+    assert!(text.stdout_text().contains(first["name"].as_str().unwrap()));
+    assert!(text.stdout_text().contains(first["uuid"].as_str().unwrap()));
+}
+
+#[test]
+fn doctor_says_that_all_is_well() {
+    let text = run(["doctor"]).expect(0);
+    assert!(!text.stdout.is_empty());
+    assert_eq!(run(["doctor", "--json"]).expect(0).json()["schema_version"], 1);
+}
+
+#[test]
+fn no_driver_ends_with_3_and_says_what_to_do() {
+    for (verb, more) in
+        [("render", &["builtin:teapot", "-o", "-"][..]), ("devices", &[]), ("doctor", &[])]
+    {
+        let run = finish(
+            command().arg(verb).args(more).env("VK_DRIVER_FILES", "/nonexistent.json"),
+            Duration::from_secs(60),
+        );
+        let said = format!("{}{}", run.stderr, run.stdout_text());
+        let run = run.expect(3);
+        assert!(said.contains("/nonexistent.json"), "{verb}: {said}");
+        drop(run);
+    }
+}
+
+#[test]
+fn the_device_that_is_asked_for_is_used_or_none() {
+    let device = crate::common::device_under_test();
+    let name = device.name.as_str();
+    let small = ["render", "builtin:teapot", "--size", "16x16", "-o", "-"];
+    for selector in [
+        device.index.to_string(),
+        device.uuid.clone(),
+        name.to_uppercase(),
+        format!("{}*", &name[..4]),
+    ] {
+        finish(command().args(small).args(["--device", &selector]), Duration::from_secs(120))
+            .expect(0)
+            .saying(&[name]);
+        finish(command().args(small).env("TILEWRIGHT_DEVICE", &selector), Duration::from_secs(120))
+            .expect(0)
+            .saying(&[name]);
+    }
+    let run =
+        finish(command().args(small).args(["--device", "no-such-device"]), Duration::from_secs(60))
+            .expect(3)
+            .saying(&["no-such-device", name]);
+    assert!(run.stdout.is_empty());
+
+    // The selector stays in the environment, so no other device can step in.
+    let unmet = if device.kind.is_gpu() { "--require-cpu" } else { "--require-gpu" };
+    finish(command().args(small).arg(unmet), Duration::from_secs(60)).expect(3).saying(&[name]);
+}

@@ -1,0 +1,8 @@
+//! Users' cases: the binary is run, and its exit code, standard output and standard error looked at.
+
+mod devices;
+mod outputs;
+mod robustness;
+mod scenes;
+mod tool;
+mod usage;

@@ -1,0 +1,106 @@
+//! Where results go.
+
+use super::tool::{command, decode, finish, names, run};
+use std::{
+    fs,
+    process::Stdio,
+    time::{Duration, Instant},
+};
+
+const SMALL: [&str; 4] = ["render", "builtin:teapot", "--size", "33x17"];
+
+#[test]
+fn a_picture_and_its_figures_say_where_they_come_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let (picture, stats) = (folder.path().join("out.png"), folder.path().join("stats.json"));
+    let run = finish(
+        command().args(SMALL).arg("-o").arg(&picture).arg("--stats").arg(&stats),
+        Duration::from_secs(120),
+    )
+    .expect(0);
+    assert!(run.stdout.is_empty());
+
+    let png = decode(&fs::read(&picture).unwrap());
+    assert_eq!(png.size, (33, 17));
+    let text = |key: &str| {
+        let found = png.text.iter().find(|(k, _)| k == key);
+        found.unwrap_or_else(|| panic!("no {key} in {:?}", png.text)).1.clone()
+    };
+    assert!(text("Software").starts_with("tilewright "));
+    assert_eq!(text("Scene"), "builtin:teapot");
+
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(&stats).unwrap()).unwrap();
+    assert_eq!(stats["schema_version"], 1);
+    assert_eq!(stats["scene"], "builtin:teapot");
+    assert_eq!(stats["extent"], serde_json::json!([33, 17]));
+    assert!(stats["triangles"].as_u64().unwrap() > 1000);
+    assert!(stats["draws"].as_u64().unwrap() > 0);
+    assert!(stats["stages"].as_array().is_some_and(|stages| !stages.is_empty()));
+    let device = stats["device"]["name"].as_str().unwrap();
+    assert!(text("Device").contains(device) && run.stderr.contains(device));
+
+    let mut left = names(folder.path());
+    left.sort();
+    assert_eq!(left, ["out.png", "stats.json"]);
+}
+
+#[test]
+fn standard_output_takes_the_same_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.png");
+    let streamed = run(SMALL.into_iter().chain(["-o", "-"])).expect(0);
+    run(SMALL.into_iter().chain(["-o", path.to_str().unwrap()])).expect(0);
+    assert_eq!(decode(&streamed.stdout).rgba, decode(&fs::read(path).unwrap()).rgba);
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_refused_before_anything_is_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let nowhere = folder.path().join("no/such/folder/out.png");
+    let started = Instant::now();
+    let line = ["render", "builtin:teapot", "--size", "16384x16384", "-o"];
+    finish(command().args(line).arg(&nowhere), Duration::from_secs(60))
+        .expect(4)
+        .saying(&[nowhere.to_str().unwrap(), "there is no folder"]);
+    finish(command().args(line).arg(folder.path()), Duration::from_secs(60))
+        .expect(4)
+        .saying(&[folder.path().to_str().unwrap(), "it is a folder"]);
+    assert!(started.elapsed() < Duration::from_secs(5));
+}
+
+#[test]
+fn a_failed_run_leaves_the_old_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let (picture, scene) = (folder.path().join("out.png"), folder.path().join("broken.glb"));
+    fs::write(&picture, b"old").unwrap();
+    fs::write(&scene, b"glTF but not really").unwrap();
+    finish(command().arg("render").arg(&scene).arg("-o").arg(&picture), Duration::from_secs(60))
+        .expect(4)
+        .saying(&["broken.glb"]);
+    assert_eq!(fs::read(&picture).unwrap(), b"old");
+    assert_eq!(names(folder.path()).len(), 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_device_node_is_written_to_and_not_replaced() {
+    run(SMALL.into_iter().chain(["-o", "/dev/null"])).expect(0);
+    assert!(!fs::metadata("/dev/null").unwrap().is_file());
+}
+
+#[test]
+fn a_closed_pipe_is_no_fault() {
+    for line in [
+        &["devices"][..],
+        &["--help"],
+        &["render", "builtin:teapot", "--size", "512x512", "-o", "-"],
+    ] {
+        let mut child =
+            command().args(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{line:?}: {said}");
+        assert!(!said.contains("panicked") && !said.contains("internal error"), "{line:?}: {said}");
+    }
+}

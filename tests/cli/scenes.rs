@@ -1,0 +1,103 @@
+//! Drawing and comparing.
+
+use super::tool::{command, decode, finish, names, run};
+use std::{fs, time::Duration};
+
+/// The keys of `parity --json`, all of them and nothing else.
+const FIGURES: [&str; 6] = [
+    "pixels",
+    "coverage_differing",
+    "winner_differing",
+    "colour_over_1",
+    "colour_max",
+    "depth_max",
+];
+
+#[test]
+fn parity_prints_exactly_its_figures() {
+    let run = run(["parity", "builtin:teapot", "--size", "320x200", "--json"]).expect(0);
+    let figures = run.json();
+    let keys: Vec<_> = figures.as_object().unwrap().keys().map(String::as_str).collect();
+    assert_eq!(keys, FIGURES);
+    assert_eq!(figures["pixels"], 320 * 200);
+    assert_eq!(figures["coverage_differing"], 0);
+}
+
+#[test]
+fn parity_shows_where_pictures_differ() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("diff.png");
+    let line = ["parity", "builtin:teapot", "--size", "64x48", "--diff", path.to_str().unwrap()];
+    let run = run(line).expect(0);
+    for figure in FIGURES {
+        assert!(run.stdout_text().contains(figure), "{figure}: {}", run.stdout_text());
+    }
+    assert_eq!(decode(&fs::read(&path).unwrap()).size, (64, 48));
+    assert_eq!(names(folder.path()), ["diff.png"]);
+}
+
+#[test]
+fn both_backends_draw_the_teapot() {
+    let picture = |backend| {
+        let line = ["render", "builtin:teapot", "--size", "96x64", "-o", "-", "--backend", backend];
+        decode(&run(line).expect(0).stdout)
+    };
+    let (compute, classic) = (picture("compute"), picture("classic"));
+    let differing = compute.rgba.iter().zip(&classic.rgba).filter(|(a, b)| a.abs_diff(**b) > 1);
+    assert!(differing.count() <= 4);
+    let colours: std::collections::HashSet<_> = compute.rgba.chunks(4).collect();
+    assert!(colours.len() > 50, "the picture is not one colour");
+}
+
+#[test]
+fn the_background_is_what_was_asked_for() {
+    let line = [
+        "render",
+        "builtin:teapot",
+        "--size",
+        "8x8",
+        "-o",
+        "-",
+        "--background",
+        "33669980",
+        "--eye",
+        "0,0,9",
+        "--target",
+        "0,0,10",
+    ];
+    assert_eq!(decode(&run(line).expect(0).stdout).rgba, [0x33, 0x66, 0x99, 0x80].repeat(64));
+}
+
+#[test]
+fn a_camera_that_is_not_there_is_an_error_that_lists_those_that_are() {
+    run(["render", "builtin:teapot", "-o", "-", "--camera", "no-such-camera"])
+        .expect(2)
+        .saying(&["no-such-camera"]);
+}
+
+#[test]
+fn sizes_that_are_no_multiple_of_anything() {
+    for size in ["1x1", "17x13", "1921x3", "3x1079"] {
+        let picture = run(["render", "builtin:teapot", "--size", size, "-o", "-"]).expect(0);
+        let (width, height) = decode(&picture.stdout).size;
+        assert_eq!(format!("{width}x{height}"), size);
+        run(["parity", "builtin:teapot", "--size", size]).expect(0);
+    }
+}
+
+#[test]
+fn shaders_are_counted_and_refusals_have_reasons() {
+    let folder = tempfile::tempdir().unwrap();
+    let shader = |name: &str, body: &str| {
+        fs::write(folder.path().join(name), format!("#version 450\n{body}")).unwrap();
+    };
+    shader("good.vert", "void main() { gl_Position = vec4(0); }");
+    shader("bad.frag", "void main() { this is no GLSL; }");
+    let line = ["conform", "shaders", folder.path().to_str().unwrap(), "--json"];
+    let report = finish(command().args(line), Duration::from_secs(120));
+    assert!(matches!(report.code, Some(0 | 1)), "{}", report.stderr);
+    let report = report.json();
+    assert_eq!(report["schema_version"], 1);
+    assert_eq!((&report["compiled"], &report["spliced"]), (&1.into(), &1.into()));
+    assert!(report.to_string().contains("bad.frag"));
+}
