@@ -9,6 +9,7 @@ pub mod format;
 pub mod grid;
 pub mod image;
 pub mod pass;
+pub mod scene;
 pub mod shader;
 pub mod state;
 pub mod target;

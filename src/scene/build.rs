@@ -1,0 +1,450 @@
+//! From what loaders and built-in shapes describe to a [`Scene`] that makes passes.
+
+use super::{
+    Scene,
+    bounds::Bounds,
+    camera::Camera,
+    light::Light,
+    material::{AlphaMode, Material, binding_sets},
+    mesh::Mesh,
+    shading::{self, Shaders},
+    store::{Slice, Store},
+    texture::{ColorSpace, with_mips},
+};
+use crate::{
+    format::VertexFormat,
+    image::Extent,
+    pass::{IndexFormat, Pipeline, StepRate, VertexAttribute, VertexBinding},
+    state::{Blend, Cull, DepthState, FrontFace, Topology},
+    texture::Texture,
+};
+use glam::{Mat3, Mat4, Vec4};
+use std::{
+    collections::HashMap,
+    ops::Range,
+    sync::{Arc, Mutex},
+};
+
+/// A vertex attribute in the scene's buffers.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stream {
+    pub slice: Slice,
+    pub format: VertexFormat,
+    pub stride: u32,
+}
+
+/// Attributes of the vertex shader by location; those of the instance follow.
+pub(super) const POSITION: usize = 0;
+pub(super) const NORMAL: usize = 1;
+pub(super) const TANGENT: usize = 2;
+/// The second set is at the location after this.
+pub(super) const UV: usize = 3;
+pub(super) const COLOR: usize = 5;
+const STREAMS: usize = 6;
+/// Rows of an affine matrix, three locations.
+const INSTANCE_ROWS: usize = 3;
+
+/// One drawable: a glTF primitive, the faces of one material of an OBJ group.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    pub topology: Topology,
+    /// By location; `None` reads a constant.
+    pub streams: [Option<Stream>; STREAMS],
+    pub indices: Option<(Slice, IndexFormat)>,
+    /// Vertices, or indices if there are some.
+    pub count: u32,
+    /// Number of the material.
+    pub material: usize,
+    /// In the part's own space.
+    pub bounds: Bounds,
+}
+
+/// A node of the hierarchy, as loaders describe it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Node {
+    /// Number of the parent, which comes before its children.
+    pub parent: Option<usize>,
+    /// To the parent's space.
+    pub local: Mat4,
+    /// Numbers of parts.
+    pub parts: Vec<usize>,
+    /// Matrices to the node's space; `None` draws once.
+    pub instances: Option<Vec<Mat4>>,
+    /// Its parts lie in the world already: joints have placed them.
+    pub in_world: bool,
+}
+
+/// A node as culling walks it: subtrees are contiguous, so that skipping one is one assignment.
+#[derive(Clone, Debug)]
+pub(super) struct CullNode {
+    /// Number of the first node after the subtree.
+    pub end: usize,
+    /// World bounds of the subtree.
+    pub bounds: Bounds,
+    /// Its own items.
+    pub items: Range<usize>,
+}
+
+/// One draw of the scene.
+#[derive(Clone, Debug)]
+pub(super) struct Item {
+    pub part: usize,
+    pub pipeline: usize,
+    /// To the world, and for normals.
+    pub model: Mat4,
+    pub normal: Mat3,
+    /// In the world, all instances together.
+    pub bounds: Bounds,
+    /// Instance rows and their number; `None` is a single identity.
+    pub instances: Option<(Slice, u32)>,
+}
+
+/// Makes a texture when its turn comes; several run at once.
+type TextureJob = Box<dyn FnOnce() -> std::result::Result<Texture, String> + Send>;
+
+/// Collects a scene.
+#[derive(Default)]
+pub(super) struct Builder {
+    pub store: Store,
+    pub parts: Vec<Part>,
+    /// Parents before children, and each subtree contiguous.
+    pub nodes: Vec<Node>,
+    pub materials: Vec<Material>,
+    pub cameras: Vec<Camera>,
+    pub light: Light,
+    pub warnings: Vec<String>,
+    textures: Vec<TextureJob>,
+}
+
+impl Builder {
+    /// Adds a texture that is decoded later and returns its number.
+    pub fn texture(
+        &mut self,
+        job: impl FnOnce() -> std::result::Result<Texture, String> + Send + 'static,
+    ) -> usize {
+        self.textures.push(Box::new(job));
+        self.textures.len() - 1
+    }
+
+    /// Notes something that was left out or replaced.
+    pub fn warn(&mut self, text: impl Into<String>) {
+        let text = text.into();
+        if !self.warnings.contains(&text) {
+            self.warnings.push(text);
+        }
+    }
+
+    /// Adds `mesh` and returns the number of its part.
+    pub fn mesh(&mut self, mesh: &Mesh, material: usize) -> std::result::Result<usize, String> {
+        let mut streams = [None; STREAMS];
+        let mut put = |at: usize, bytes: &[u8], format: VertexFormat| {
+            if !bytes.is_empty() {
+                let stride = format.bytes() as u32;
+                streams[at] = Some(Stream { slice: self.store.push(bytes)?, format, stride });
+            }
+            Ok::<_, String>(())
+        };
+        put(POSITION, bytemuck::cast_slice(&mesh.positions), VertexFormat::F32X3)?;
+        put(NORMAL, bytemuck::cast_slice(&mesh.normals), VertexFormat::F32X3)?;
+        put(TANGENT, bytemuck::cast_slice(&mesh.tangents), VertexFormat::F32X4)?;
+        put(UV, bytemuck::cast_slice(&mesh.uvs[0]), VertexFormat::F32X2)?;
+        put(UV + 1, bytemuck::cast_slice(&mesh.uvs[1]), VertexFormat::F32X2)?;
+        put(COLOR, bytemuck::cast_slice(&mesh.colors), VertexFormat::F32X4)?;
+        let indices = match &mesh.indices {
+            Some(list) if mesh.positions.len() <= 1 << 16 => {
+                let short: Vec<u16> = list.iter().map(|&i| i as u16).collect();
+                Some((self.store.push(bytemuck::cast_slice(&short))?, IndexFormat::U16))
+            }
+            Some(list) => Some((self.store.push(bytemuck::cast_slice(list))?, IndexFormat::U32)),
+            None => None,
+        };
+        let count = mesh.indices.as_ref().map_or(mesh.positions.len(), Vec::len) as u32;
+        let (topology, bounds) = (mesh.topology, mesh.bounds());
+        self.parts.push(Part { topology, streams, indices, count, material, bounds });
+        Ok(self.parts.len() - 1)
+    }
+
+    /// Adds `mesh` as a node of its own without a parent.
+    pub fn mesh_node(
+        &mut self,
+        mesh: &Mesh,
+        material: usize,
+        local: Mat4,
+    ) -> std::result::Result<(), String> {
+        let parts = vec![self.mesh(mesh, material)?];
+        self.nodes.push(Node { local, parts, ..Node::default() });
+        Ok(())
+    }
+
+    /// Finishes the scene.
+    pub fn finish(mut self, name: &str) -> std::result::Result<Scene, Fault> {
+        if self.materials.is_empty() {
+            self.materials.push(Material::default());
+        }
+        let shaders = shading::shaders()?;
+        let mut pipelines =
+            Pipelines { shaders: &shaders, made: Vec::new(), by_key: HashMap::new() };
+        let constants = self.store.push(bytemuck::cast_slice(&CONSTANTS)).map_err(Fault::Input)?;
+        let (nodes, items) = self.items(&mut pipelines).map_err(Fault::Input)?;
+        let textures = self.decode_textures();
+        let white =
+            Arc::new(with_mips("white", Extent::new(1, 1), vec![255; 4], ColorSpace::Linear));
+        let sets = binding_sets(name, &self.materials, &textures, &white);
+        let blended = self.materials.iter().map(|m| m.alpha == AlphaMode::Blend).collect();
+        let bounds = nodes.iter().fold(Bounds::EMPTY, |b, n: &CullNode| b.union(n.bounds));
+        Ok(Scene {
+            name: name.into(),
+            warnings: self.warnings,
+            cameras: self.cameras,
+            bounds,
+            light: self.light,
+            pipelines: pipelines.made,
+            chunks: self.store.finish(name),
+            constants,
+            parts: self.parts,
+            nodes,
+            items,
+            sets,
+            blended,
+        })
+    }
+
+    /// Resolves the hierarchy to draws and to bounds that culling can walk.
+    fn items(
+        &mut self,
+        pipelines: &mut Pipelines,
+    ) -> std::result::Result<(Vec<CullNode>, Vec<Item>), String> {
+        let (mut nodes, mut items) = (Vec::with_capacity(self.nodes.len()), Vec::new());
+        let mut worlds: Vec<Mat4> = Vec::with_capacity(self.nodes.len());
+        for (i, node) in self.nodes.iter().enumerate() {
+            let world = node.parent.map_or(node.local, |p| worlds[p] * node.local);
+            worlds.push(world);
+            let world = if node.in_world { Mat4::IDENTITY } else { world };
+            let first = items.len();
+            // Mirrored instances have their front on the other side: they are a draw of their own.
+            let groups = node.instances.as_ref().map(|all| {
+                let (mirrored, plain): (Vec<Mat4>, Vec<Mat4>) =
+                    all.iter().partition(|m| m.determinant() < 0.0);
+                [plain, mirrored]
+            });
+            let mut slices = [None, None];
+            if let Some(groups) = &groups {
+                for (slice, group) in slices.iter_mut().zip(groups) {
+                    let rows: Vec<[Vec4; 3]> =
+                        group.iter().map(|m| [m.row(0), m.row(1), m.row(2)]).collect();
+                    if !rows.is_empty() {
+                        let bytes: &[u8] = bytemuck::cast_slice(rows.as_flattened());
+                        *slice = Some((self.store.push(bytes)?, rows.len() as u32));
+                    }
+                }
+            }
+            for &part in &node.parts {
+                let mut add = |bounds, instances, mirrored| {
+                    let drawn = &self.parts[part];
+                    let flipped = (world.determinant() < 0.0) != mirrored;
+                    items.push(Item {
+                        part,
+                        pipeline: pipelines.get(drawn, &self.materials[drawn.material], flipped),
+                        model: world,
+                        normal: normal_matrix(&world),
+                        bounds,
+                        instances,
+                    });
+                };
+                let own = self.parts[part].bounds;
+                match &groups {
+                    None => add(own.transformed(&world), None, false),
+                    Some(groups) => {
+                        for (g, group) in groups.iter().enumerate() {
+                            let bounds = group.iter().fold(Bounds::EMPTY, |b, m| {
+                                b.union(own.transformed(&(world * *m)))
+                            });
+                            if slices[g].is_some() {
+                                add(bounds, slices[g], g == 1);
+                            }
+                        }
+                    }
+                }
+            }
+            let bounds = items[first..].iter().fold(Bounds::EMPTY, |b, item| b.union(item.bounds));
+            nodes.push(CullNode { end: i + 1, bounds, items: first..items.len() });
+        }
+        // Children come after their parents, so one sweep from the back sees each subtree whole.
+        for i in (0..nodes.len()).rev() {
+            if let Some(parent) = self.nodes[i].parent {
+                let CullNode { end, bounds, .. } = nodes[i];
+                let parent: &mut CullNode = &mut nodes[parent];
+                parent.end = parent.end.max(end);
+                parent.bounds = parent.bounds.union(bounds);
+            }
+        }
+        Ok((nodes, items))
+    }
+
+    /// Decodes all textures on as many threads as the machine has; one that fails becomes white
+    /// and a warning.
+    fn decode_textures(&mut self) -> Vec<Arc<Texture>> {
+        let count = self.textures.len();
+        let jobs: Vec<_> =
+            std::mem::take(&mut self.textures).into_iter().enumerate().rev().collect();
+        let jobs = Mutex::new(jobs);
+        let done = Mutex::new(Vec::with_capacity(count));
+        let threads = std::thread::available_parallelism().map_or(1, |n| n.get()).min(count);
+        let work = || {
+            loop {
+                let Some((i, job)) = jobs.lock().ok().and_then(|mut jobs| jobs.pop()) else {
+                    return;
+                };
+                let texture = job();
+                if let Ok(mut done) = done.lock() {
+                    done.push((i, texture));
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 1..threads {
+                scope.spawn(work);
+            }
+            work();
+        });
+        let mut done = done.into_inner().unwrap_or_default();
+        done.sort_by_key(|(i, _)| *i);
+        done.into_iter()
+            .map(|(_, texture)| {
+                Arc::new(texture.unwrap_or_else(|fault| {
+                    self.warn(format!("{fault}; white is drawn instead"));
+                    with_mips("missing", Extent::new(1, 1), vec![255; 4], ColorSpace::Srgb)
+                }))
+            })
+            .collect()
+    }
+}
+
+/// Why a scene cannot be finished.
+pub(super) enum Fault {
+    /// The file asks for what cannot be: a sentence.
+    Input(String),
+    /// A fault of the engine's own.
+    Engine(crate::Error),
+}
+
+impl From<crate::Error> for Fault {
+    fn from(error: crate::Error) -> Self {
+        Fault::Engine(error)
+    }
+}
+
+/// The matrix for normals: the cofactors of the upper 3x3. Unlike the inverse transpose it exists
+/// for flat scales too; the two differ by a factor, which normalizing removes, and by the sign of
+/// the determinant, which is put back.
+fn normal_matrix(m: &Mat4) -> Mat3 {
+    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(Vec4::truncate);
+    let cofactors = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    if m.determinant() < 0.0 { cofactors * -1.0 } else { cofactors }
+}
+
+/// What attributes that a part does not have read, and the identity instance; every element lies
+/// at `location * 16`.
+#[rustfmt::skip]
+const CONSTANTS: [[f32; 4]; STREAMS + INSTANCE_ROWS] = [
+    [0.0; 4], [0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 1.0], [0.0; 4], [0.0; 4], [1.0; 4],
+    [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0],
+];
+
+/// Bytes of one instance.
+pub(super) const INSTANCE_BYTES: usize = INSTANCE_ROWS * 16;
+
+/// Pipelines of a scene, each made once.
+struct Pipelines<'a> {
+    shaders: &'a Shaders,
+    made: Vec<Arc<Pipeline>>,
+    by_key: HashMap<Key, usize>,
+}
+
+/// What distinguishes pipelines.
+#[derive(PartialEq, Eq, Hash)]
+struct Key {
+    layout: [Option<(VertexFormat, u32)>; STREAMS],
+    topology: Topology,
+    alpha: AlphaMode,
+    double_sided: bool,
+    mirrored: bool,
+}
+
+impl Pipelines<'_> {
+    fn get(&mut self, part: &Part, material: &Material, mirrored: bool) -> usize {
+        let key = Key {
+            layout: part.streams.map(|s| s.map(|s| (s.format, s.stride))),
+            topology: part.topology,
+            alpha: material.alpha,
+            double_sided: material.double_sided,
+            mirrored,
+        };
+        if let Some(&index) = self.by_key.get(&key) {
+            return index;
+        }
+        let pipeline = Arc::new(self.make(&key));
+        self.made.push(pipeline);
+        let index = self.made.len() - 1;
+        self.by_key.insert(key, index);
+        index
+    }
+
+    fn make(&self, key: &Key) -> Pipeline {
+        let (mut bindings, mut attributes) = (Vec::new(), Vec::new());
+        for (location, stream) in key.layout.iter().enumerate() {
+            let (format, stride) = stream.unwrap_or((VertexFormat::F32X4, 0));
+            let binding = location as u32;
+            bindings.push(VertexBinding { stride, rate: StepRate::Vertex });
+            attributes.push(VertexAttribute { location: binding, binding, format, offset: 0 });
+        }
+        bindings.push(VertexBinding { stride: INSTANCE_BYTES as u32, rate: StepRate::Instance });
+        for row in 0..INSTANCE_ROWS {
+            attributes.push(VertexAttribute {
+                location: (STREAMS + row) as u32,
+                binding: STREAMS as u32,
+                format: VertexFormat::F32X4,
+                offset: row as u32 * 16,
+            });
+        }
+        let blended = key.alpha == AlphaMode::Blend;
+        Pipeline {
+            label: format!("{:?}{}", key.alpha, if key.mirrored { " mirrored" } else { "" }),
+            vertex: self.shaders.vertex.clone(),
+            fragment: match key.alpha {
+                AlphaMode::Mask => self.shaders.mask.clone(),
+                AlphaMode::Opaque | AlphaMode::Blend => self.shaders.opaque.clone(),
+            },
+            specialization: Vec::new(),
+            vertex_bindings: bindings,
+            vertex_attributes: attributes,
+            topology: key.topology,
+            cull: if key.double_sided { Cull::None } else { Cull::Back },
+            front_face: match key.mirrored {
+                false => FrontFace::CounterClockwise,
+                true => FrontFace::Clockwise,
+            },
+            depth: DepthState { write: !blended, ..DepthState::LESS },
+            blend: blended.then_some(Blend::ALPHA),
+        }
+    }
+}
+
+impl Fault {
+    /// The error for a scene from `path`.
+    pub fn into_error(self, path: &std::path::Path) -> crate::Error {
+        match self {
+            Fault::Input(reason) => crate::Error::input(path, reason),
+            Fault::Engine(error) => error,
+        }
+    }
+}
+
+impl From<String> for Fault {
+    fn from(reason: String) -> Self {
+        Fault::Input(reason)
+    }
+}
+
+/// The result of loaders.
+pub(super) type Outcome<T> = std::result::Result<T, Fault>;

@@ -1,0 +1,261 @@
+//! glTF 2.0.
+//!
+//! The `gltf` crate's typed JSON is used as a parser only: its document types assume what its
+//! validator checked and panic where the validator is silent, so every index, range and count is
+//! checked here, where it is used, and the fault is named with the object that has it.
+//!
+//! Animation happens here, once: skins and morph targets are applied to the vertices while they
+//! are loaded, so shaders and passes know nothing of them.
+
+mod container;
+mod data;
+mod materials;
+mod meshes;
+mod pose;
+
+use super::{
+    Scene,
+    build::{Builder, Node, Outcome},
+    camera::{Camera, Projection},
+};
+use data::{Checks, Data, get};
+use glam::{Mat4, Quat, Vec3};
+use gltf::json::{self, camera::Type, validation::Checked};
+use materials::Materials;
+use meshes::Deform;
+use pose::Pose;
+use std::{collections::HashMap, path::Path};
+
+/// Loads the glTF in `bytes`, which come from `path`.
+pub(super) fn load(path: &Path, name: &str, bytes: &[u8], time: Option<f32>) -> Outcome<Scene> {
+    let mut builder = Builder::default();
+    let container = container::Container::parse(bytes, &mut builder.warnings)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut data = Data::new(&container.root, folder, container.binary);
+    let materials = materials::add(&data, folder, &mut builder)?;
+    let pose = Pose::new(&data, time)?;
+    let hierarchy = Hierarchy::new(&container.root)?;
+    let worlds = hierarchy.worlds(&pose);
+    let mut loader = Loader {
+        data: &mut data,
+        materials,
+        builder: &mut builder,
+        pose,
+        worlds,
+        numbers: HashMap::new(),
+        shared: HashMap::new(),
+    };
+    for &node in &hierarchy.order {
+        loader.node(node, &hierarchy).map_err(|e| format!("node {node}: {e}"))?;
+    }
+    builder.finish(name)
+}
+
+/// The nodes that the scene shows.
+struct Hierarchy {
+    /// Parents before children, each subtree contiguous.
+    order: Vec<usize>,
+    /// By node of the file.
+    parents: Vec<Option<usize>>,
+}
+
+impl Hierarchy {
+    fn new(root: &json::Root) -> Checks<Self> {
+        let count = root.nodes.len();
+        let mut parents = vec![None; count];
+        let children = |node: usize| root.nodes[node].children.as_deref().unwrap_or_default();
+        for node in 0..count {
+            for child in children(node) {
+                get(&root.nodes, child.value(), "node")?;
+                if parents[child.value()].replace(node).is_some() {
+                    return Err(format!("node {} has two parents", child.value()));
+                }
+            }
+        }
+        let roots: Vec<usize> = match (root.scene, &root.scenes[..]) {
+            (Some(scene), scenes) => {
+                get(scenes, scene.value(), "scene")?.nodes.iter().map(|n| n.value()).collect()
+            }
+            (None, [first, ..]) => first.nodes.iter().map(|n| n.value()).collect(),
+            (None, []) => (0..count).filter(|&n| parents[n].is_none()).collect(),
+        };
+        let (mut order, mut seen) = (Vec::with_capacity(count), vec![false; count]);
+        let mut stack = roots;
+        stack.reverse();
+        while let Some(node) = stack.pop() {
+            get(&root.nodes, node, "node")?;
+            if std::mem::replace(&mut seen[node], true) {
+                return Err(format!("node {node} occurs twice in the hierarchy"));
+            }
+            order.push(node);
+            stack.extend(children(node).iter().rev().map(|c| c.value()));
+        }
+        Ok(Self { order, parents })
+    }
+
+    /// The matrices of all nodes to the world, those outside the scene too: joints may be there.
+    fn worlds(&self, pose: &Pose) -> Vec<Mat4> {
+        let mut worlds: Vec<Option<Mat4>> = vec![None; self.parents.len()];
+        for node in 0..self.parents.len() {
+            // Up to the first ancestor that is known, then down again. A ring of nodes, which no
+            // scene shows, ends where it began.
+            let (mut path, mut at) = (Vec::new(), Some(node));
+            while let Some(n) = at.filter(|&n| worlds[n].is_none() && path.len() <= worlds.len()) {
+                path.push(n);
+                at = self.parents[n];
+            }
+            let mut world = at.and_then(|n| worlds[n]).unwrap_or(Mat4::IDENTITY);
+            for n in path.into_iter().rev() {
+                world *= pose.locals[n];
+                worlds[n] = Some(world);
+            }
+        }
+        worlds.into_iter().map(Option::unwrap_or_default).collect()
+    }
+}
+
+struct Loader<'a, 'd> {
+    data: &'a mut Data<'d>,
+    materials: Materials,
+    builder: &'a mut Builder,
+    pose: Pose,
+    /// By node of the file.
+    worlds: Vec<Mat4>,
+    /// Nodes of the builder by nodes of the file.
+    numbers: HashMap<usize, usize>,
+    /// Parts of meshes that look the same wherever they are.
+    shared: HashMap<usize, Vec<usize>>,
+}
+
+impl Loader<'_, '_> {
+    fn node(&mut self, index: usize, hierarchy: &Hierarchy) -> Checks<()> {
+        let root = self.data.root;
+        let node = &root.nodes[index];
+        let mut made = Node {
+            parent: hierarchy.parents[index].and_then(|p| self.numbers.get(&p).copied()),
+            local: self.pose.locals[index],
+            ..Node::default()
+        };
+        if made.parent.is_none() {
+            // The root of a scene, even if the file has a parent for it.
+            made.local = self.worlds[index];
+        }
+        if !self.worlds[index].is_finite() {
+            return Err("its transform is not finite".into());
+        }
+        if let Some(camera) = node.camera {
+            let described = get(&root.cameras, camera.value(), "camera")?;
+            let name = node.name.clone().or_else(|| described.name.clone()).unwrap_or_default();
+            match projection(described) {
+                Some(p) => {
+                    self.builder.cameras.push(Camera::from_world(name, &self.worlds[index], p));
+                }
+                None => self.builder.warn(format!(
+                    "camera {} has a view that cannot be drawn and is left out",
+                    camera.value()
+                )),
+            }
+        }
+        if let Some(mesh) = node.mesh {
+            let skin = node.skin.map(|s| self.joints(s.value())).transpose()?;
+            made.in_world = skin.is_some();
+            made.parts = self.mesh(mesh.value(), index, skin.as_deref())?;
+        }
+        let others = node.extensions.as_ref().map(|e| &e.others);
+        if let Some(extension) = others.and_then(|o| o.get("EXT_mesh_gpu_instancing")) {
+            made.instances = Some(self.instances(extension)?);
+        }
+        self.numbers.insert(index, self.builder.nodes.len());
+        self.builder.nodes.push(made);
+        Ok(())
+    }
+
+    fn mesh(&mut self, mesh: usize, node: usize, joints: Option<&[Mat4]>) -> Checks<Vec<usize>> {
+        let root = self.data.root;
+        let described = get(&root.meshes, mesh, "mesh")?;
+        let weights = self.pose.weights[node]
+            .as_ref()
+            .or(root.nodes[node].weights.as_ref())
+            .or(described.weights.as_ref());
+        let weights = weights.map_or(&[][..], Vec::as_slice);
+        let deform = Deform { weights, joints };
+        let deforms = joints.is_some() || weights.iter().any(|&w| w != 0.0);
+        if !deforms && let Some(parts) = self.shared.get(&mesh) {
+            return Ok(parts.clone());
+        }
+        let parts = meshes::add(self.data, &self.materials, self.builder, mesh, deform)?;
+        if !deforms {
+            self.shared.insert(mesh, parts.clone());
+        }
+        Ok(parts)
+    }
+
+    /// The matrices of a skin's joints from the mesh's bind space to the world.
+    fn joints(&self, skin: usize) -> Checks<Vec<Mat4>> {
+        let skin = get(&self.data.root.skins, skin, "skin")?;
+        let inverses = match skin.inverse_bind_matrices {
+            Some(accessor) => {
+                self.data.accessor(accessor.value())?.mat4("the inverse bind matrices")?
+            }
+            None => vec![Mat4::IDENTITY; skin.joints.len()],
+        };
+        if inverses.len() < skin.joints.len() {
+            return Err(format!(
+                "a skin has {} joints, but {} inverse bind matrices",
+                skin.joints.len(),
+                inverses.len()
+            ));
+        }
+        let matrix = |(joint, inverse): (&json::Index<json::Node>, Mat4)| {
+            Ok(*get(&self.worlds, joint.value(), "node")? * inverse)
+        };
+        skin.joints.iter().zip(inverses).map(matrix).collect()
+    }
+
+    /// The matrices of `EXT_mesh_gpu_instancing`.
+    fn instances(&self, extension: &serde_json::Value) -> Checks<Vec<Mat4>> {
+        let accessor = |name: &str| {
+            let index = extension.get("attributes").and_then(|a| a.get(name));
+            let index = index.and_then(serde_json::Value::as_u64).map(|i| i as usize);
+            index.map(|i| self.data.accessor(i)).transpose()
+        };
+        let (t, r, s) = (accessor("TRANSLATION")?, accessor("ROTATION")?, accessor("SCALE")?);
+        let count = [&t, &r, &s].into_iter().flatten().map(|a| a.count).min().unwrap_or(0);
+        let t = t.map(|a| a.vec3("TRANSLATION")).transpose()?;
+        let r = r.map(|a| a.vec4("ROTATION")).transpose()?;
+        let s = s.map(|a| a.vec3("SCALE")).transpose()?;
+        let matrix = |i: usize| {
+            Mat4::from_scale_rotation_translation(
+                s.as_ref().map_or(Vec3::ONE, |s| s[i]),
+                r.as_ref().map_or(Quat::IDENTITY, |r| Quat::from_vec4(r[i]).normalize()),
+                t.as_ref().map_or(Vec3::ZERO, |t| t[i]),
+            )
+        };
+        Ok((0..count).map(matrix).filter(Mat4::is_finite).collect())
+    }
+}
+
+/// The projection of a camera, `None` if it shows nothing.
+fn projection(camera: &json::Camera) -> Option<Projection> {
+    let positive = |v: f32| v.is_finite() && v > 0.0;
+    match camera.type_ {
+        Checked::Valid(Type::Perspective) => {
+            let p = camera.perspective.as_ref()?;
+            let far = p.zfar.filter(|&far| positive(far));
+            let fits = positive(p.yfov)
+                && p.yfov < std::f32::consts::PI
+                && positive(p.znear)
+                && far.is_none_or(|far| far > p.znear);
+            let near = p.znear;
+            fits.then_some(Projection::Perspective { yfov: p.yfov, near, far })
+        }
+        Checked::Valid(Type::Orthographic) => {
+            let o = camera.orthographic.as_ref()?;
+            let fits =
+                o.ymag != 0.0 && o.ymag.is_finite() && o.zfar > o.znear && o.zfar.is_finite();
+            let ymag = o.ymag.abs();
+            fits.then_some(Projection::Orthographic { ymag, near: o.znear, far: o.zfar })
+        }
+        Checked::Invalid => None,
+    }
+}

@@ -1,0 +1,34 @@
+//! The light of a scene: one key light, and a sky and a ground that light everything else.
+
+use glam::Vec3;
+
+/// One key light and an ambient of three colours. All colours are linear.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// From the scene towards the key light.
+    pub key_direction: Vec3,
+    /// What a white surface that faces the key light reflects of it.
+    pub key_color: Vec3,
+    /// What comes from above.
+    pub sky: Vec3,
+    /// What comes from the horizon; seen in reflections.
+    pub horizon: Vec3,
+    /// What comes from below.
+    pub ground: Vec3,
+    /// Where nothing is drawn.
+    pub background: Vec3,
+}
+
+impl Default for Light {
+    /// Daylight: a warm key light from the upper front right, a bluish sky, a brownish ground.
+    fn default() -> Self {
+        Self {
+            key_direction: Vec3::new(0.45, 0.75, 0.5).normalize(),
+            key_color: Vec3::new(1.02, 0.96, 0.86) * 1.15,
+            sky: Vec3::new(0.52, 0.62, 0.78),
+            horizon: Vec3::new(0.74, 0.76, 0.78),
+            ground: Vec3::new(0.26, 0.23, 0.20),
+            background: Vec3::new(0.115, 0.125, 0.145),
+        }
+    }
+}

@@ -1,0 +1,275 @@
+//! Triangles while they are still being worked on: what loaders and built-in shapes produce.
+//!
+//! A [`Mesh`] is on its way to a [`Part`](super::build::Part): missing normals and tangents are
+//! made here, so that shaders never have to guess.
+
+use super::bounds::Bounds;
+use crate::state::Topology;
+use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
+use glam::{Vec2, Vec3, Vec4};
+use std::collections::HashMap;
+
+/// Vertices and indices in one canonical form.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Mesh {
+    pub topology: Topology,
+    pub positions: Vec<Vec3>,
+    /// As many as positions, or empty.
+    pub normals: Vec<Vec3>,
+    /// As many as positions, or empty; w is the handedness of the bitangent.
+    pub tangents: Vec<Vec4>,
+    /// Two sets, each as many as positions, or empty.
+    pub uvs: [Vec<Vec2>; 2],
+    /// As many as positions, or empty; linear.
+    pub colors: Vec<Vec4>,
+    /// `None` draws the vertices in order.
+    pub indices: Option<Vec<u32>>,
+}
+
+impl Mesh {
+    pub fn bounds(&self) -> Bounds {
+        Bounds::of(self.positions.iter().copied())
+    }
+
+    /// The corners of all triangles as vertex numbers, in the winding that the topology gives.
+    /// Indices must be in range.
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
+        let count = self.indices.as_ref().map_or(self.positions.len(), Vec::len);
+        let at = |i: usize| self.indices.as_ref().map_or(i as u32, |indices| indices[i]);
+        (0..self.topology.primitives(count as u32) as usize)
+            .map(|i| match self.topology {
+                Topology::TriangleList => [at(3 * i), at(3 * i + 1), at(3 * i + 2)],
+                // Every other triangle of a strip has its first two vertices swapped.
+                Topology::TriangleStrip => [at(i), at(i + 1 + i % 2), at(i + 2 - i % 2)],
+                Topology::TriangleFan => [at(i + 1), at(i + 2), at(0)],
+            })
+            .collect()
+    }
+
+    /// Turns the mesh into a triangle list in which no two triangles share a vertex.
+    pub fn unshare(&mut self) {
+        let order: Vec<u32> = self.triangles().into_iter().flatten().collect();
+        self.reorder(&order);
+        self.indices = None;
+        self.topology = Topology::TriangleList;
+    }
+
+    /// Vertex `i` becomes the old vertex `order[i]`.
+    fn reorder(&mut self, order: &[u32]) {
+        fn pick<T: Copy>(values: &mut Vec<T>, order: &[u32]) {
+            if !values.is_empty() {
+                *values = order.iter().map(|&i| values[i as usize]).collect();
+            }
+        }
+        pick(&mut self.positions, order);
+        pick(&mut self.normals, order);
+        pick(&mut self.tangents, order);
+        self.uvs.iter_mut().for_each(|uv| pick(uv, order));
+        pick(&mut self.colors, order);
+    }
+
+    /// Gives every triangle its own normal, as glTF demands where a file has none.
+    ///
+    /// Corners are copied, three per triangle. Derivatives in the fragment shader would save that,
+    /// but they lose their digits on slivers and small triangles, where two executors then differ.
+    pub fn make_flat_normals(&mut self) {
+        self.tangents.clear();
+        self.unshare();
+        self.normals = self
+            .positions
+            .chunks_exact(3)
+            .flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3])
+            .collect();
+    }
+
+    /// Gives every corner the mean normal of the faces around its position that are within
+    /// `crease` (the cosine of an angle) of its own face: round things look round and edges stay.
+    ///
+    /// For OBJ files without normals, which leave the choice to the reader.
+    pub fn make_smooth_normals(&mut self, crease: f32) {
+        self.tangents.clear();
+        self.unshare();
+        // Cross products have twice the triangle's area as length: large faces weigh more.
+        let faces: Vec<Vec3> =
+            self.positions.chunks_exact(3).map(|t| (t[1] - t[0]).cross(t[2] - t[0])).collect();
+        let mut around: HashMap<[u32; 3], Vec<u32>> = HashMap::new();
+        for (i, p) in self.positions.iter().enumerate() {
+            around.entry(p.to_array().map(f32::to_bits)).or_default().push(i as u32 / 3);
+        }
+        self.normals = self
+            .positions
+            .iter()
+            .enumerate()
+            .map(|(i, p)| {
+                let own = faces[i / 3].normalize_or_zero();
+                let faces_here = &around[&p.to_array().map(f32::to_bits)];
+                // A corner with hundreds of faces is a fan's hub; each face alone is near enough.
+                let sum: Vec3 = faces_here
+                    .iter()
+                    .take(64)
+                    .map(|&f| faces[f as usize])
+                    .filter(|f| f.normalize_or_zero().dot(own) >= crease)
+                    .sum();
+                sum.try_normalize().or(own.try_normalize()).unwrap_or(Vec3::Y)
+            })
+            .collect();
+    }
+
+    /// Makes tangents with the algorithm that normal maps are baked with (MikkTSpace), for the
+    /// texture coordinates of `uv_set`; then shares equal vertices again.
+    pub fn make_tangents(&mut self, uv_set: usize) {
+        if self.normals.is_empty() || self.uvs[uv_set].is_empty() {
+            return;
+        }
+        self.unshare();
+        let mut corners = Corners {
+            tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); self.positions.len()],
+            uvs: &self.uvs[uv_set],
+            mesh: self,
+        };
+        // The only fault it reports is a mesh without good triangles, for which any tangent does.
+        let _ = generate_tangents(&mut corners);
+        self.tangents = corners.tangents;
+        self.share();
+    }
+
+    /// Merges vertices that are equal in every bit; the mesh is an unshared triangle list.
+    fn share(&mut self) {
+        let mut seen: HashMap<[u32; 20], u32> = HashMap::with_capacity(self.positions.len() / 3);
+        let (mut order, mut indices) = (Vec::new(), Vec::with_capacity(self.positions.len()));
+        for i in 0..self.positions.len() {
+            let next = order.len() as u32;
+            let index = *seen.entry(self.bits(i)).or_insert(next);
+            if index == next {
+                order.push(i as u32);
+            }
+            indices.push(index);
+        }
+        self.reorder(&order);
+        self.indices = Some(indices);
+    }
+
+    /// All of vertex `i`, comparable.
+    fn bits(&self, i: usize) -> [u32; 20] {
+        let mut bits = [0; 20];
+        bits[0..3].copy_from_slice(&self.positions[i].to_array().map(f32::to_bits));
+        if let Some(n) = self.normals.get(i) {
+            bits[3..6].copy_from_slice(&n.to_array().map(f32::to_bits));
+        }
+        if let Some(t) = self.tangents.get(i) {
+            bits[6..10].copy_from_slice(&t.to_array().map(f32::to_bits));
+        }
+        for (set, at) in [(0, 10), (1, 12)] {
+            if let Some(uv) = self.uvs[set].get(i) {
+                bits[at..at + 2].copy_from_slice(&uv.to_array().map(f32::to_bits));
+            }
+        }
+        if let Some(c) = self.colors.get(i) {
+            bits[14..18].copy_from_slice(&c.to_array().map(f32::to_bits));
+        }
+        bits
+    }
+}
+
+/// An unshared triangle list as MikkTSpace wants to see it.
+struct Corners<'a> {
+    mesh: &'a Mesh,
+    uvs: &'a [Vec2],
+    tangents: Vec<Vec4>,
+}
+
+impl Geometry for Corners<'_> {
+    fn num_faces(&self) -> usize {
+        self.mesh.positions.len() / 3
+    }
+
+    fn num_vertices_of_face(&self, _face: usize) -> usize {
+        3
+    }
+
+    fn position(&self, face: usize, vert: usize) -> [f32; 3] {
+        self.mesh.positions[face * 3 + vert].to_array()
+    }
+
+    fn normal(&self, face: usize, vert: usize) -> [f32; 3] {
+        self.mesh.normals[face * 3 + vert].to_array()
+    }
+
+    fn tex_coord(&self, face: usize, vert: usize) -> [f32; 2] {
+        self.uvs[face * 3 + vert].to_array()
+    }
+
+    fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, vert: usize) {
+        if let Some(t) = tangent {
+            let [x, y, z, w] = t.tangent_encoded();
+            // MikkTSpace measures v upwards, glTF downwards.
+            self.tangents[face * 3 + vert] = Vec4::new(x, y, z, -w);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quad() -> Mesh {
+        Mesh {
+            positions: [(0., 0.), (1., 0.), (1., 1.), (0., 1.)]
+                .map(|(x, y)| Vec3::new(x, y, 0.0))
+                .to_vec(),
+            uvs: [
+                // v runs down, as in glTF.
+                [(0., 1.), (1., 1.), (1., 0.), (0., 0.)].map(|(u, v)| Vec2::new(u, v)).to_vec(),
+                Vec::new(),
+            ],
+            indices: Some(vec![0, 1, 2, 0, 2, 3]),
+            ..Mesh::default()
+        }
+    }
+
+    #[test]
+    fn strips_and_fans_keep_their_winding() {
+        let mut mesh = quad();
+        mesh.topology = Topology::TriangleStrip;
+        mesh.indices = Some(vec![0, 1, 3, 2]);
+        assert_eq!(mesh.triangles(), [[0, 1, 3], [1, 2, 3]]);
+        mesh.topology = Topology::TriangleFan;
+        mesh.indices = None;
+        assert_eq!(mesh.triangles(), [[1, 2, 0], [2, 3, 0]]);
+        mesh.make_flat_normals();
+        assert_eq!(mesh.normals, vec![Vec3::Z; 6]);
+    }
+
+    #[test]
+    fn tangents_point_along_u_and_bitangents_against_v() {
+        let mut mesh = quad();
+        mesh.normals = vec![Vec3::Z; 4];
+        mesh.make_tangents(0);
+        assert_eq!(mesh.positions.len(), 4, "equal corners are shared again");
+        assert_eq!(mesh.triangles().len(), 2);
+        for t in &mesh.tangents {
+            // glTF: bitangent = cross(normal, tangent) * w points where v decreases (up).
+            assert!(t.abs_diff_eq(Vec4::new(1.0, 0.0, 0.0, 1.0), 1e-6), "{t}");
+        }
+    }
+
+    #[test]
+    fn smooth_normals_respect_creases() {
+        // A right-angled fold of two quads, and a shallow one.
+        let fold = |z: f32| Mesh {
+            positions: [(-1., 0., 0.), (0., 0., 0.), (0., 1., 0.), (-1., 1., 0.)]
+                .into_iter()
+                .chain([(1., 0., z), (1., 1., z)])
+                .map(|(x, y, z)| Vec3::new(x, y, z))
+                .collect(),
+            indices: Some(vec![0, 1, 2, 0, 2, 3, 1, 4, 5, 1, 5, 2]),
+            ..Mesh::default()
+        };
+        let mut sharp = fold(-50.0);
+        sharp.make_smooth_normals(0.7);
+        assert!(sharp.normals[1].abs_diff_eq(Vec3::Z, 1e-3));
+        let mut round = fold(-0.3);
+        round.make_smooth_normals(0.7);
+        assert!(round.normals[1].x > 0.05, "{}", round.normals[1]);
+    }
+}

@@ -1,0 +1,162 @@
+//! A [`Pass`] of a scene for a camera: culling, order, draws.
+
+use super::{
+    Scene,
+    bounds::{Bounds, Containment, Frustum},
+    build::{COLOR, INSTANCE_BYTES, Item, POSITION},
+    camera::Camera,
+    shading,
+};
+use crate::{
+    Error, Result,
+    format::Format,
+    image::Extent,
+    pass::{BindingSet, BufferRange, Draw, Indices, Pass},
+    target::{ColorTarget, DepthTarget},
+};
+use glam::Vec3;
+use std::sync::Arc;
+
+/// What a pass of a scene can be asked for beyond its size and camera.
+#[derive(Clone, Copy, Debug)]
+pub struct PassOptions {
+    /// Format of the colour target.
+    pub format: Format,
+    /// Clear colour, linear RGBA; `None` is the scene's own.
+    pub background: Option<[f32; 4]>,
+    /// Whether draws outside the view are left out. Off only to measure and to test.
+    pub cull: bool,
+}
+
+impl Default for PassOptions {
+    fn default() -> Self {
+        Self { format: Format::Rgba8Srgb, background: None, cull: true }
+    }
+}
+
+impl Scene {
+    /// Records the scene as `camera` sees it.
+    ///
+    /// Opaque and masked draws come first, near ones before far ones, so that hidden fragments are
+    /// known early; blended draws follow from back to front. Draws are ordered as wholes, by the
+    /// distance of the middle of their bounds: what overlaps itself or another blended thing
+    /// through and through is drawn as any forward renderer draws it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an extent outside 1..=16384, and for a camera that is not finite.
+    pub fn pass(&self, extent: Extent, camera: &Camera, options: &PassOptions) -> Result<Pass> {
+        let sizes = 1..=16384;
+        if !sizes.contains(&extent.width) || !sizes.contains(&extent.height) {
+            return Err(Error::Usage(format!(
+                "a picture of {extent} pixels was asked for; each side must be from 1 to 16384"
+            )));
+        }
+        let matrix = camera.view_projection(extent);
+        if !matrix.is_finite() {
+            return Err(Error::Usage(format!(
+                "the camera `{}` has no finite projection: {:?}",
+                camera.name, camera.projection
+            )));
+        }
+        let visible = match options.cull {
+            true => self.visible(&Frustum::new(&matrix)),
+            false => (0..self.items.len()).collect(),
+        };
+        let frame = shading::frame_set(camera, extent, &self.light);
+        let draws = self.in_order(visible, camera).map(|i| self.draw(&self.items[i], &frame));
+        let background = || self.light.background.extend(1.0).to_array();
+        Ok(Pass {
+            label: self.name.clone(),
+            extent,
+            color: ColorTarget {
+                format: options.format,
+                clear: options.background.unwrap_or_else(background),
+            },
+            depth: Some(DepthTarget { clear: 1.0 }),
+            draws: draws.collect(),
+            pipelines: self.pipelines.clone(),
+        })
+    }
+
+    /// The numbers of items that may be visible: a walk of the hierarchy that passes over subtrees
+    /// outside the view and asks nothing more inside of subtrees that are visible as a whole.
+    fn visible(&self, frustum: &Frustum) -> Vec<usize> {
+        let (mut visible, mut i, mut inside_until) = (Vec::new(), 0, 0);
+        while let Some(node) = self.nodes.get(i) {
+            if i >= inside_until {
+                match frustum.contains(&node.bounds) {
+                    Containment::Outside => {
+                        i = node.end;
+                        continue;
+                    }
+                    Containment::Inside => inside_until = node.end,
+                    Containment::Crossing => {}
+                }
+            }
+            let may_show = |&item: &usize| {
+                i < inside_until
+                    || frustum.contains(&self.items[item].bounds) != Containment::Outside
+            };
+            visible.extend(node.items.clone().filter(may_show));
+            i += 1;
+        }
+        visible
+    }
+
+    /// Opaque items from front to back, then blended ones from back to front.
+    fn in_order(&self, items: Vec<usize>, camera: &Camera) -> impl Iterator<Item = usize> {
+        let depth = |bounds: &Bounds| -camera.view.transform_point3(bounds.center()).z;
+        let keyed = items.into_iter().map(|i| {
+            let item = &self.items[i];
+            (self.blended[self.parts[item.part].material], depth(&item.bounds), i)
+        });
+        let (mut blended, mut opaque): (Vec<_>, Vec<_>) = keyed.partition(|(b, _, _)| *b);
+        opaque.sort_by(|a, b| a.1.total_cmp(&b.1));
+        blended.sort_by(|a, b| b.1.total_cmp(&a.1));
+        opaque.into_iter().chain(blended).map(|(_, _, i)| i)
+    }
+
+    fn draw(&self, item: &Item, frame: &Arc<BindingSet>) -> Draw {
+        let part = &self.parts[item.part];
+        let constant = |location: usize, bytes| -> BufferRange {
+            self.constants.part(location * 16, bytes).range(&self.chunks)
+        };
+        let mut vertex_buffers: Vec<BufferRange> = part
+            .streams
+            .iter()
+            .enumerate()
+            .map(|(location, stream)| match stream {
+                Some(stream) => stream.slice.range(&self.chunks),
+                None => constant(location, 16),
+            })
+            .collect();
+        vertex_buffers.push(match item.instances {
+            Some((slice, _)) => slice.range(&self.chunks),
+            None => constant(COLOR + 1, INSTANCE_BYTES),
+        });
+        debug_assert!(part.streams[POSITION].is_some());
+        Draw {
+            sets: vec![frame.clone(), self.sets[part.material].clone()],
+            push_constants: shading::push_constants(&item.model, &item.normal),
+            vertex_buffers,
+            indices: part
+                .indices
+                .map(|(slice, format)| Indices { range: slice.range(&self.chunks), format }),
+            instances: item.instances.map_or(1, |(_, count)| count),
+            ..Draw::new(item.pipeline, part.count)
+        }
+    }
+
+    /// A camera at `eye` that looks at `target`, with near and far plane around this scene.
+    pub fn camera_at(&self, eye: Vec3, target: Vec3, up: Vec3, yfov: f32) -> Camera {
+        let mut camera = Camera::look_at(eye, target, up, yfov);
+        camera.fit_depth(&self.bounds);
+        camera
+    }
+
+    /// The scene's first camera, or one that shows all of it from the front and a little above.
+    pub fn default_camera(&self, extent: Extent) -> Camera {
+        let framing = || Camera::framing(&self.bounds, Vec3::new(0.45, 0.35, 1.0), 0.6, extent);
+        self.cameras.first().cloned().unwrap_or_else(framing)
+    }
+}
