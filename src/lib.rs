@@ -2,6 +2,7 @@
 #![warn(missing_docs)]
 
 pub mod abi;
+pub mod classic;
 pub mod cli;
 pub mod compare;
 pub mod error;

@@ -14,6 +14,8 @@ use crate::{
 };
 use std::sync::Arc;
 
+mod validate;
+
 /// Bytes for vertices, indices, uniform or storage blocks. Immutable: a change is a new buffer.
 #[derive(Clone, Debug, Default)]
 pub struct Buffer {
@@ -29,7 +31,8 @@ pub struct BufferRange {
     /// The buffer.
     pub buffer: Arc<Buffer>,
     /// First byte. A multiple of 256 where a shader binds it as a block
-    /// (the largest alignment Vulkan lets a device ask for); any value for vertices.
+    /// (the largest alignment Vulkan lets a device ask for), of the size of one component for
+    /// vertices, of the width of an index for indices.
     pub offset: usize,
     /// Bytes.
     pub bytes: usize,
@@ -267,4 +270,15 @@ pub struct Frame {
     pub color: crate::image::Image,
     /// The depth target, if the pass has one.
     pub depth: Option<crate::image::Image>,
+}
+
+/// Something that makes pictures of passes on a device.
+pub trait Executor {
+    /// Executes `pass` and returns its targets.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] if the pass contradicts itself ([`Pass::validate`]),
+    /// [`crate::Error::Capacity`] if it does not fit the device, [`crate::Error::Lost`] if the device
+    /// did not answer.
+    fn render(&mut self, pass: &Pass) -> crate::Result<Frame>;
 }

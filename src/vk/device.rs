@@ -168,8 +168,9 @@ pub(super) fn pick(
         let wanted = if require == Require::Gpu { "a GPU" } else { "a CPU driver" };
         return Err(Error::Device(format!("{wanted} is required; there are: {list}")));
     }
-    // Stable: among equals the loader's order stands.
-    all.sort_by_key(|c| (!c.info.missing.is_empty(), c.info.kind));
+    // Stable: among equals, which offer as much, the loader's order stands.
+    let offers = |c: &Candidate| std::cmp::Reverse(c.info.optional.len());
+    all.sort_by_key(|c| (!c.info.missing.is_empty(), c.info.kind, offers(c)));
     let best = all.swap_remove(0);
     if best.info.missing.is_empty() {
         return Ok(best);

@@ -98,6 +98,7 @@ pub(crate) struct Shared {
     pub timestamps: Option<TimestampUnit>,
     pub timeout: Duration,
     pub push_constant_bytes: u32,
+    pub draw_limits: DrawLimits,
     pub debug: Option<ext::debug_utils::Device>,
     pub validation: bool,
     pub pipeline_cache: vk::PipelineCache,
@@ -108,8 +109,19 @@ pub(crate) struct Shared {
     pub lost: AtomicBool,
     allocator: Mutex<Option<Allocator>>,
     cache_file: Option<PathBuf>,
+    physical: vk::PhysicalDevice,
     // Last: the instance outlives the device.
     instance: Instance,
+}
+
+/// Limits of a graphics pipeline's own descriptors.
+#[derive(Clone, Copy)]
+pub(crate) struct DrawLimits {
+    pub sets: u32,
+    pub uniforms: u32,
+    pub storages: u32,
+    pub images: u32,
+    pub samplers: u32,
 }
 
 /// How timestamps become nanoseconds.
@@ -173,6 +185,13 @@ impl Gpu {
             }),
             timeout: options.timeout,
             push_constant_bytes: probe.properties.limits.max_push_constants_size,
+            draw_limits: DrawLimits {
+                sets: probe.properties.limits.max_bound_descriptor_sets,
+                uniforms: probe.properties.limits.max_per_stage_descriptor_uniform_buffers,
+                storages: probe.properties.limits.max_per_stage_descriptor_storage_buffers,
+                images: probe.properties.limits.max_per_stage_descriptor_sampled_images,
+                samplers: probe.properties.limits.max_per_stage_descriptor_samplers,
+            },
             debug,
             validation,
             pipeline_cache: vk::PipelineCache::null(),
@@ -182,6 +201,7 @@ impl Gpu {
             lost: AtomicBool::new(false),
             allocator: Mutex::new(None),
             cache_file,
+            physical,
             info,
             device,
             instance,
@@ -307,6 +327,14 @@ impl Shared {
                 log::error!("device memory was not freed: {e}");
             }
         }
+    }
+
+    /// Whether graphics pipelines read vertex attributes of this format.
+    pub fn reads_vertices_as(&self, format: vk::Format) -> bool {
+        let raw = &self.instance.raw;
+        // SAFETY: the physical device belongs to the instance.
+        let found = unsafe { raw.get_physical_device_format_properties(self.physical, format) };
+        found.buffer_features.contains(vk::FormatFeatureFlags::VERTEX_BUFFER)
     }
 
     /// Names a Vulkan object for the validation layer's messages and for captures.

@@ -56,3 +56,6 @@ pub use requirements::{Missing, OPTIONAL, Optional, REQUIREMENTS, Requirement};
 pub use resources::Resources;
 pub use sampler::Sampler;
 pub use table::{ResourceTable, TableSizes};
+
+pub(crate) use image::vk_format;
+pub(crate) use recording::Commands;

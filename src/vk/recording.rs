@@ -46,7 +46,7 @@ pub struct Timings {
     pub stages: Vec<(String, u64)>,
 }
 
-/// Sets of one descriptor pool, and descriptors of each kind.
+/// Sets of the first descriptor pool, and descriptors of each kind.
 const POOL_SETS: u32 = 128;
 const POOL_DESCRIPTORS: u32 = 1024;
 /// Timestamps of one query pool.
@@ -171,7 +171,9 @@ impl Commands {
     ) -> Result<vk::DescriptorSet> {
         let what = || format!("allocating descriptors of `{}`", self.label);
         if self.left.0 == 0 || self.left.1 < descriptors {
-            let room = POOL_DESCRIPTORS.max(descriptors);
+            // Each pool is twice the one before, so that thousands of draws need a dozen.
+            let scale = 1 << self.descriptor_pools.len().min(8);
+            let room = (POOL_DESCRIPTORS * scale).max(descriptors);
             let sizes = [
                 vk::DescriptorType::STORAGE_BUFFER,
                 vk::DescriptorType::UNIFORM_BUFFER,
@@ -181,13 +183,14 @@ impl Commands {
                 vk::DescriptorType::STORAGE_IMAGE,
             ]
             .map(|kind| vk::DescriptorPoolSize::default().ty(kind).descriptor_count(room));
-            let info =
-                vk::DescriptorPoolCreateInfo::default().max_sets(POOL_SETS).pool_sizes(&sizes);
+            let info = vk::DescriptorPoolCreateInfo::default()
+                .max_sets(POOL_SETS * scale)
+                .pool_sizes(&sizes);
             // SAFETY: the device is alive; `Commands` owns the pool from here on.
             let pool = unsafe { self.gpu.0.device.create_descriptor_pool(&info, None) }
                 .map_err(|e| self.gpu.failure(&what(), e))?;
             self.descriptor_pools.push(pool);
-            self.left = (POOL_SETS, room);
+            self.left = (POOL_SETS * scale, room);
         }
         let pool = self.descriptor_pools.last().copied().unwrap_or_default();
         let layouts = [layout];

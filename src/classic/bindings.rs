@@ -1,0 +1,189 @@
+//! Descriptor sets from binding sets, one for each (binding set, layout) of a pass.
+
+use super::{layout::descriptor_type, pipeline::Compiled};
+use crate::{
+    error::Result,
+    pass::{self, Binding, BindingSet, BufferRange},
+    shader::{Resource, ResourceKind},
+    vk::{Buffer, Commands, Gpu, Memory, Recorder, Resources},
+};
+use ash::vk;
+use std::{collections::HashMap, sync::Arc};
+
+/// The descriptor sets of one recording.
+#[derive(Default)]
+pub(super) struct Bindings {
+    sets: HashMap<(*const BindingSet, vk::DescriptorSetLayout), vk::DescriptorSet>,
+    /// Storage blocks that shaders write: what is written is not visible outside the pass, so each
+    /// execution starts with a copy.
+    copies: HashMap<*const pass::Buffer, Buffer<u8>>,
+}
+
+/// The content of one descriptor.
+enum Written {
+    Buffer(vk::DescriptorBufferInfo),
+    Image(vk::DescriptorImageInfo),
+}
+
+impl Bindings {
+    /// Makes copies of the buffers that shaders may write, and records how they get their content.
+    pub fn copy_written(
+        &mut self,
+        gpu: &Gpu,
+        resources: &mut Resources,
+        recorder: &mut Recorder,
+        pass: &pass::Pass,
+    ) -> Result<()> {
+        for draw in &pass.draws {
+            let pipeline = &pass.pipelines[draw.pipeline];
+            let writes = [&pipeline.vertex, &pipeline.fragment];
+            if !writes.iter().any(|s| s.reflection.has_side_effects) {
+                continue;
+            }
+            let all = draw.sets.iter().flat_map(|s| &s.entries).flat_map(|e| &e.resources);
+            for binding in all {
+                let Binding::Storage(BufferRange { buffer, .. }) = binding else { continue };
+                if self.copies.contains_key(&Arc::as_ptr(buffer)) {
+                    continue;
+                }
+                let original = resources.buffer(buffer)?;
+                let copy = Buffer::new(gpu, &buffer.label, original.len(), Memory::Device)?;
+                recorder.copy(&original, &copy)?;
+                self.copies.insert(Arc::as_ptr(buffer), copy);
+            }
+        }
+        Ok(())
+    }
+
+    /// The sets of one draw, by number.
+    pub fn sets(
+        &mut self,
+        gpu: &Gpu,
+        resources: &mut Resources,
+        commands: &mut Commands,
+        draw: &pass::Draw,
+        compiled: &Compiled,
+    ) -> Result<Vec<vk::DescriptorSet>> {
+        let empty = Arc::new(BindingSet::default());
+        let mut sets = Vec::with_capacity(compiled.layout.sets.len());
+        for (n, &layout) in compiled.layout.sets.iter().enumerate() {
+            let set = draw.sets.get(n).unwrap_or(&empty);
+            let key = (Arc::as_ptr(set), layout);
+            let found = match self.sets.get(&key) {
+                Some(&found) => found,
+                None => {
+                    let wanted: Vec<_> =
+                        compiled.resources.iter().filter(|r| r.set as usize == n).collect();
+                    let made = self.make(gpu, resources, commands, set, layout, &wanted)?;
+                    // The one for a gap between sets goes with this call, and its address with it.
+                    if !Arc::ptr_eq(set, &empty) {
+                        self.sets.insert(key, made);
+                    }
+                    made
+                }
+            };
+            sets.push(found);
+        }
+        Ok(sets)
+    }
+
+    fn make(
+        &self,
+        gpu: &Gpu,
+        resources: &mut Resources,
+        commands: &mut Commands,
+        set: &BindingSet,
+        layout: vk::DescriptorSetLayout,
+        wanted: &[&Resource],
+    ) -> Result<vk::DescriptorSet> {
+        let count = wanted.iter().map(|r| r.count).sum();
+        let raw = commands.descriptor_set(layout, count)?;
+        for resource in wanted {
+            let entries = set.entries.iter().filter(|e| e.binding == resource.binding);
+            let Some(entry) = entries.into_iter().next() else { continue };
+            let (mut buffers, mut images) = (Vec::new(), Vec::new());
+            // A run-time array is as long as the longest: its end repeats the last element, so that
+            // no descriptor is left unwritten.
+            let last = entry.resources.last();
+            let padded = entry.resources.iter().chain(std::iter::repeat_with(|| last).flatten());
+            for binding in padded.take(resource.count as usize) {
+                match self.write(gpu, resources, commands, binding, resource)? {
+                    Written::Buffer(info) => buffers.push(info),
+                    Written::Image(info) => images.push(info),
+                }
+            }
+            let write = vk::WriteDescriptorSet::default()
+                .dst_set(raw)
+                .dst_binding(resource.binding)
+                .descriptor_type(descriptor_type(resource.kind));
+            let write = match images.is_empty() {
+                true => write.buffer_info(&buffers),
+                false => write.image_info(&images),
+            };
+            // SAFETY: the set is new; what is written is kept by the recording.
+            unsafe { gpu.0.device.update_descriptor_sets(&[write], &[]) };
+        }
+        Ok(raw)
+    }
+
+    fn write(
+        &self,
+        gpu: &Gpu,
+        resources: &mut Resources,
+        commands: &mut Commands,
+        binding: &Binding,
+        resource: &Resource,
+    ) -> Result<Written> {
+        let image_info = vk::DescriptorImageInfo::default();
+        Ok(match binding {
+            Binding::Uniform(range) | Binding::Storage(range) => {
+                let buffer = match self.copies.get(&Arc::as_ptr(&range.buffer)) {
+                    Some(copy) if resource.kind == ResourceKind::Storage => copy.clone(),
+                    _ => resources.buffer(&range.buffer)?,
+                };
+                commands.keep(buffer.raw().clone());
+                // A uniform block is bound as long as it is: ranges of uniforms are limited, and a
+                // pass may bind more than the block has.
+                let uniform = resource.kind == ResourceKind::Uniform;
+                let block = resource.bytes.max(1) as usize;
+                let bytes = if uniform { block } else { range.bytes };
+                let limit = gpu.limits().storage_range_bytes;
+                if !uniform && bytes as u64 > limit {
+                    return Err(crate::Error::Capacity {
+                        what: format!("storage block in buffer `{}`", range.buffer.label),
+                        wanted: bytes as u64,
+                        limit_of: format!("one binding on {}", gpu.info().name),
+                        limit,
+                        advice: "bind a smaller range".into(),
+                    });
+                }
+                Written::Buffer(
+                    vk::DescriptorBufferInfo::default()
+                        .buffer(buffer.raw().handle)
+                        .offset(range.offset as u64)
+                        .range(bytes as u64),
+                )
+            }
+            Binding::Sampled(texture, state) => {
+                let image = resources.texture(texture)?;
+                commands.keep(image.0.clone());
+                Written::Image(
+                    image_info
+                        .image_view(image.0.view)
+                        .image_layout(image.0.shader_layout())
+                        .sampler(resources.sampler(state)?.handle),
+                )
+            }
+            Binding::Texture(texture) => {
+                let image = resources.texture(texture)?;
+                commands.keep(image.0.clone());
+                Written::Image(
+                    image_info.image_view(image.0.view).image_layout(image.0.shader_layout()),
+                )
+            }
+            Binding::Sampler(state) => {
+                Written::Image(image_info.sampler(resources.sampler(state)?.handle))
+            }
+        })
+    }
+}

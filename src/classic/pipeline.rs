@@ -1,0 +1,325 @@
+//! `VkPipeline` from a [`Pipeline`] and the formats of the pass.
+
+use super::layout::Layout;
+use crate::{
+    error::{Error, Result},
+    format::{Component, Format, VertexFormat},
+    pass::{Pass, Pipeline, StepRate, VertexAttribute},
+    shader::{Resource, Shader},
+    state::{BlendEquation, BlendFactor, BlendOp, Compare, Cull, FrontFace, Topology},
+    vk::{Gpu, vk_format},
+};
+use ash::vk;
+
+/// What a compiled pipeline depends on beside its [`Pipeline`].
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Variant {
+    color: Format,
+    depth: bool,
+    /// The resources, with run-time arrays as long as the longest that the pass binds.
+    resources: Vec<Resource>,
+}
+
+impl Variant {
+    /// The variant that `pass` needs of its pipeline `n`. The pass was validated.
+    pub fn new(pass: &Pass, n: usize) -> Result<Self> {
+        let mut resources = pass.pipelines[n].resources()?;
+        for resource in resources.iter_mut().filter(|r| r.count == 0) {
+            let bound = pass
+                .draws
+                .iter()
+                .filter(|d| d.pipeline == n)
+                .filter_map(|d| d.sets.get(resource.set as usize))
+                .flat_map(|s| s.entries.iter().filter(|e| e.binding == resource.binding));
+            resource.count = bound.map(|e| e.resources.len()).max().unwrap_or(1).max(1) as u32;
+        }
+        Ok(Self { color: pass.color.format, depth: pass.depth.is_some(), resources })
+    }
+}
+
+/// A compiled pipeline with its layout.
+pub(super) struct Compiled {
+    gpu: Gpu,
+    pub raw: vk::Pipeline,
+    pub layout: Layout,
+    pub resources: Vec<Resource>,
+}
+
+impl Compiled {
+    pub fn new(gpu: &Gpu, pipeline: &Pipeline, variant: &Variant) -> Result<Self> {
+        let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
+        let push =
+            vertex.reflection.push_constant_bytes.max(fragment.reflection.push_constant_bytes);
+        let layout = Layout::new(gpu, &pipeline.label, &variant.resources, push)?;
+        let modules = Modules::new(gpu, [vertex, fragment])?;
+        // From here on the pipeline is destroyed if anything fails.
+        let mut compiled = Self {
+            gpu: gpu.clone(),
+            raw: vk::Pipeline::null(),
+            layout,
+            resources: variant.resources.clone(),
+        };
+        compiled.raw = create(gpu, pipeline, variant, &modules, compiled.layout.raw)?;
+        gpu.0.set_name(compiled.raw, &pipeline.label);
+        Ok(compiled)
+    }
+}
+
+impl Drop for Compiled {
+    fn drop(&mut self) {
+        // SAFETY: recordings that use the pipeline hold it until their fence.
+        unsafe { self.gpu.0.device.destroy_pipeline(self.raw, None) };
+    }
+}
+
+/// The shader modules of both stages, which a pipeline needs only while it is created.
+struct Modules<'g> {
+    gpu: &'g Gpu,
+    raw: Vec<vk::ShaderModule>,
+}
+
+impl<'g> Modules<'g> {
+    fn new(gpu: &'g Gpu, shaders: [&Shader; 2]) -> Result<Self> {
+        let mut modules = Self { gpu, raw: Vec::new() };
+        for shader in shaders {
+            let info = vk::ShaderModuleCreateInfo::default().code(&shader.spirv);
+            // SAFETY: `Shader` was parsed and reflected; the words are passed as they are.
+            let module = unsafe { gpu.0.device.create_shader_module(&info, None) }
+                .map_err(|e| Error::shader(&shader.label, format!("the driver refuses it: {e}")))?;
+            modules.raw.push(module);
+        }
+        Ok(modules)
+    }
+}
+
+impl Drop for Modules<'_> {
+    fn drop(&mut self) {
+        for module in self.raw.drain(..) {
+            // SAFETY: no pipeline is being created from it any more.
+            unsafe { self.gpu.0.device.destroy_shader_module(module, None) };
+        }
+    }
+}
+
+fn create(
+    gpu: &Gpu,
+    pipeline: &Pipeline,
+    variant: &Variant,
+    modules: &Modules<'_>,
+    layout: vk::PipelineLayout,
+) -> Result<vk::Pipeline> {
+    let (entries, data) = specialization(&pipeline.specialization);
+    let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+    let stage = |flag, module| {
+        vk::PipelineShaderStageCreateInfo::default()
+            .stage(flag)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&specialization)
+    };
+    let stages = [
+        stage(vk::ShaderStageFlags::VERTEX, modules.raw[0]),
+        stage(vk::ShaderStageFlags::FRAGMENT, modules.raw[1]),
+    ];
+
+    let bindings: Vec<_> = pipeline
+        .vertex_bindings
+        .iter()
+        .enumerate()
+        .map(|(n, b)| {
+            vk::VertexInputBindingDescription::default()
+                .binding(n as u32)
+                .stride(b.stride)
+                .input_rate(match b.rate {
+                    StepRate::Vertex => vk::VertexInputRate::VERTEX,
+                    StepRate::Instance => vk::VertexInputRate::INSTANCE,
+                })
+        })
+        .collect();
+    // Attributes that the shader does not read are legal to leave out, and some formats are not
+    // there on every device.
+    let read = |a: &&VertexAttribute| {
+        pipeline.vertex.reflection.inputs.iter().any(|i| i.location == a.location)
+    };
+    let mut attributes = Vec::new();
+    for attribute in pipeline.vertex_attributes.iter().filter(read) {
+        attributes.push(
+            vk::VertexInputAttributeDescription::default()
+                .location(attribute.location)
+                .binding(attribute.binding)
+                .format(attribute_format(gpu, pipeline, attribute)?)
+                .offset(attribute.offset),
+        );
+    }
+    let vertex_input = vk::PipelineVertexInputStateCreateInfo::default()
+        .vertex_binding_descriptions(&bindings)
+        .vertex_attribute_descriptions(&attributes);
+    let assembly =
+        vk::PipelineInputAssemblyStateCreateInfo::default().topology(match pipeline.topology {
+            Topology::TriangleList => vk::PrimitiveTopology::TRIANGLE_LIST,
+            Topology::TriangleStrip => vk::PrimitiveTopology::TRIANGLE_STRIP,
+            Topology::TriangleFan => vk::PrimitiveTopology::TRIANGLE_FAN,
+        });
+    let viewport =
+        vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+    let raster = vk::PipelineRasterizationStateCreateInfo::default()
+        .polygon_mode(vk::PolygonMode::FILL)
+        .cull_mode(match pipeline.cull {
+            Cull::None => vk::CullModeFlags::NONE,
+            Cull::Front => vk::CullModeFlags::FRONT,
+            Cull::Back => vk::CullModeFlags::BACK,
+        })
+        .front_face(match pipeline.front_face {
+            FrontFace::CounterClockwise => vk::FrontFace::COUNTER_CLOCKWISE,
+            FrontFace::Clockwise => vk::FrontFace::CLOCKWISE,
+        })
+        .line_width(1.0);
+    let samples = vk::PipelineMultisampleStateCreateInfo::default()
+        .rasterization_samples(vk::SampleCountFlags::TYPE_1);
+    let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+        .depth_test_enable(variant.depth && pipeline.depth.test)
+        .depth_write_enable(variant.depth && pipeline.depth.test && pipeline.depth.write)
+        .depth_compare_op(compare(pipeline.depth.compare));
+    let blend_attachment = [blend_state(pipeline)];
+    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blend_attachment);
+    let dynamic = vk::PipelineDynamicStateCreateInfo::default()
+        .dynamic_states(&[vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR]);
+    let color_formats = [vk_format(variant.color)];
+    let mut rendering =
+        vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&color_formats);
+    if variant.depth {
+        rendering = rendering.depth_attachment_format(vk_format(Format::D32Float));
+    }
+    let info = [vk::GraphicsPipelineCreateInfo::default()
+        .stages(&stages)
+        .vertex_input_state(&vertex_input)
+        .input_assembly_state(&assembly)
+        .viewport_state(&viewport)
+        .rasterization_state(&raster)
+        .multisample_state(&samples)
+        .depth_stencil_state(&depth)
+        .color_blend_state(&blend)
+        .dynamic_state(&dynamic)
+        .layout(layout)
+        .push_next(&mut rendering)];
+    // SAFETY: everything `info` points to lives through the call; the pass was validated.
+    let created =
+        unsafe { gpu.0.device.create_graphics_pipelines(gpu.0.pipeline_cache, &info, None) };
+    let what = || format!("compiling pipeline `{}`", pipeline.label);
+    Ok(created.map_err(|(_, e)| gpu.failure(&what(), e))?[0])
+}
+
+fn specialization(constants: &[(u32, u32)]) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {
+    let entry = |(n, &(id, _)): (usize, &(u32, u32))| vk::SpecializationMapEntry {
+        constant_id: id,
+        offset: n as u32 * 4,
+        size: 4,
+    };
+    let entries = constants.iter().enumerate().map(entry).collect();
+    (entries, constants.iter().flat_map(|(_, value)| value.to_ne_bytes()).collect())
+}
+
+/// The format of an attribute. Three narrow components are read as four where the device lacks the
+/// format and the shader takes no fourth one: buffers end with enough padding for the last element.
+fn attribute_format(
+    gpu: &Gpu,
+    pipeline: &Pipeline,
+    attribute: &VertexAttribute,
+) -> Result<vk::Format> {
+    let format = vertex_format(attribute.format);
+    if gpu.0.reads_vertices_as(format) {
+        return Ok(format);
+    }
+    let inputs = pipeline.vertex.reflection.inputs.iter();
+    let used = inputs.filter(|i| i.location == attribute.location).map(|i| i.component + i.count);
+    let wider = vertex_format(VertexFormat { count: 4, ..attribute.format });
+    if attribute.format.count == 3 && used.max() <= Some(3) && gpu.0.reads_vertices_as(wider) {
+        return Ok(wider);
+    }
+    Err(Error::Device(format!(
+        "pipeline `{}`: {} reads no vertices of {} x {:?}; the compute executor does",
+        pipeline.label,
+        gpu.info().name,
+        attribute.format.count,
+        attribute.format.component
+    )))
+}
+
+fn vertex_format(format: VertexFormat) -> vk::Format {
+    type F = vk::Format;
+    let by_count = match format.component {
+        Component::F32 => {
+            [F::R32_SFLOAT, F::R32G32_SFLOAT, F::R32G32B32_SFLOAT, F::R32G32B32A32_SFLOAT]
+        }
+        Component::U8 => [F::R8_UINT, F::R8G8_UINT, F::R8G8B8_UINT, F::R8G8B8A8_UINT],
+        Component::I8 => [F::R8_SINT, F::R8G8_SINT, F::R8G8B8_SINT, F::R8G8B8A8_SINT],
+        Component::U16 => [F::R16_UINT, F::R16G16_UINT, F::R16G16B16_UINT, F::R16G16B16A16_UINT],
+        Component::I16 => [F::R16_SINT, F::R16G16_SINT, F::R16G16B16_SINT, F::R16G16B16A16_SINT],
+        Component::U32 => [F::R32_UINT, F::R32G32_UINT, F::R32G32B32_UINT, F::R32G32B32A32_UINT],
+        Component::I32 => [F::R32_SINT, F::R32G32_SINT, F::R32G32B32_SINT, F::R32G32B32A32_SINT],
+        Component::U8Norm => [F::R8_UNORM, F::R8G8_UNORM, F::R8G8B8_UNORM, F::R8G8B8A8_UNORM],
+        Component::I8Norm => [F::R8_SNORM, F::R8G8_SNORM, F::R8G8B8_SNORM, F::R8G8B8A8_SNORM],
+        Component::U16Norm => {
+            [F::R16_UNORM, F::R16G16_UNORM, F::R16G16B16_UNORM, F::R16G16B16A16_UNORM]
+        }
+        Component::I16Norm => {
+            [F::R16_SNORM, F::R16G16_SNORM, F::R16G16B16_SNORM, F::R16G16B16A16_SNORM]
+        }
+    };
+    by_count[usize::from(format.count.clamp(1, 4)) - 1]
+}
+
+fn compare(compare: Compare) -> vk::CompareOp {
+    match compare {
+        Compare::Never => vk::CompareOp::NEVER,
+        Compare::Less => vk::CompareOp::LESS,
+        Compare::Equal => vk::CompareOp::EQUAL,
+        Compare::LessOrEqual => vk::CompareOp::LESS_OR_EQUAL,
+        Compare::Greater => vk::CompareOp::GREATER,
+        Compare::NotEqual => vk::CompareOp::NOT_EQUAL,
+        Compare::GreaterOrEqual => vk::CompareOp::GREATER_OR_EQUAL,
+        Compare::Always => vk::CompareOp::ALWAYS,
+    }
+}
+
+fn blend_state(pipeline: &Pipeline) -> vk::PipelineColorBlendAttachmentState {
+    let state = vk::PipelineColorBlendAttachmentState::default()
+        .color_write_mask(vk::ColorComponentFlags::RGBA);
+    let Some(blend) = pipeline.blend else { return state };
+    let parts = |e: BlendEquation| (blend_factor(e.src), blend_factor(e.dst), blend_op(e.op));
+    let (src_color, dst_color, color) = parts(blend.color);
+    let (src_alpha, dst_alpha, alpha) = parts(blend.alpha);
+    state
+        .blend_enable(true)
+        .src_color_blend_factor(src_color)
+        .dst_color_blend_factor(dst_color)
+        .color_blend_op(color)
+        .src_alpha_blend_factor(src_alpha)
+        .dst_alpha_blend_factor(dst_alpha)
+        .alpha_blend_op(alpha)
+}
+
+fn blend_factor(factor: BlendFactor) -> vk::BlendFactor {
+    match factor {
+        BlendFactor::Zero => vk::BlendFactor::ZERO,
+        BlendFactor::One => vk::BlendFactor::ONE,
+        BlendFactor::SrcColor => vk::BlendFactor::SRC_COLOR,
+        BlendFactor::OneMinusSrcColor => vk::BlendFactor::ONE_MINUS_SRC_COLOR,
+        BlendFactor::DstColor => vk::BlendFactor::DST_COLOR,
+        BlendFactor::OneMinusDstColor => vk::BlendFactor::ONE_MINUS_DST_COLOR,
+        BlendFactor::SrcAlpha => vk::BlendFactor::SRC_ALPHA,
+        BlendFactor::OneMinusSrcAlpha => vk::BlendFactor::ONE_MINUS_SRC_ALPHA,
+        BlendFactor::DstAlpha => vk::BlendFactor::DST_ALPHA,
+        BlendFactor::OneMinusDstAlpha => vk::BlendFactor::ONE_MINUS_DST_ALPHA,
+    }
+}
+
+fn blend_op(op: BlendOp) -> vk::BlendOp {
+    match op {
+        BlendOp::Add => vk::BlendOp::ADD,
+        BlendOp::Subtract => vk::BlendOp::SUBTRACT,
+        BlendOp::ReverseSubtract => vk::BlendOp::REVERSE_SUBTRACT,
+        BlendOp::Min => vk::BlendOp::MIN,
+        BlendOp::Max => vk::BlendOp::MAX,
+    }
+}

@@ -1,0 +1,265 @@
+//! A pass that is ready to run: targets, recorded draws, and the copy that reads them back.
+
+use super::{bindings::Bindings, layout::STAGES, pipeline::Compiled};
+use crate::{
+    error::Result,
+    format::Format,
+    image::{self, Extent},
+    pass::{Draw, Frame, IndexFormat, Pass},
+    state::{Rect, Viewport},
+    vk::{Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Resources},
+};
+use ash::vk;
+use std::sync::Arc;
+
+/// A pass that is ready to run, as often as wanted.
+pub struct Prepared {
+    draws: Recording,
+    /// Not part of the draws, so that their time does not include it.
+    copies: Recording,
+    color: Target,
+    depth: Option<Target>,
+    extent: Extent,
+}
+
+/// A target and where the host reads it.
+struct Target {
+    image: Image,
+    copy: Buffer<u8>,
+}
+
+impl Prepared {
+    pub(super) fn new(
+        gpu: &Gpu,
+        resources: &mut Resources,
+        pass: &Pass,
+        compiled: &[Arc<Compiled>],
+    ) -> Result<Self> {
+        let color = Target::new(gpu, pass.extent, pass.color.format, "colour target")?;
+        let depth = match pass.depth {
+            Some(_) => Some(Target::new(gpu, pass.extent, Format::D32Float, "depth target")?),
+            None => None,
+        };
+        let mut recorder = Recorder::new(gpu, &pass.label)?;
+        record_draws(gpu, resources, &mut recorder, pass, compiled, &color, depth.as_ref())?;
+        resources.flush()?;
+        let draws = recorder.finish()?;
+        let mut recorder = Recorder::new(gpu, "copy of the targets")?;
+        color.record_copy(gpu, &mut recorder);
+        if let Some(depth) = &depth {
+            depth.record_copy(gpu, &mut recorder);
+        }
+        let copies = recorder.finish()?;
+        Ok(Self { draws, copies, color, depth, extent: pass.extent })
+    }
+
+    /// Clears and draws everything; returns the device's time for it in nanoseconds (0 if it has no
+    /// timestamps).
+    ///
+    /// # Errors
+    /// [`crate::Error::Lost`] if the device was lost or did not answer in time.
+    pub fn execute(&mut self) -> Result<u64> {
+        Ok(self.draws.run()?.total_ns)
+    }
+
+    /// The targets after the last [`Prepared::execute`].
+    ///
+    /// # Errors
+    /// As [`Prepared::execute`].
+    pub fn read(&mut self) -> Result<Frame> {
+        self.copies.run()?;
+        let read = |target: &Target| -> Result<image::Image> {
+            let format = target.image.format();
+            Ok(image::Image { extent: self.extent, format, bytes: target.copy.read()? })
+        };
+        let depth = self.depth.as_ref().map(read).transpose()?;
+        Ok(Frame { color: read(&self.color)?, depth })
+    }
+}
+
+impl Target {
+    fn new(gpu: &Gpu, extent: Extent, format: Format, name: &str) -> Result<Self> {
+        let usage = ImageUse::Attachment;
+        let image = Image::new(gpu, &ImageInfo { name, extent, format, levels: 1, usage })?;
+        let bytes = extent.pixels() * format.texel_bytes();
+        let copy = Buffer::new(gpu, &format!("copy of the {name}"), bytes, Memory::Readback)?;
+        Ok(Self { image, copy })
+    }
+
+    fn attachment_layout(&self) -> vk::ImageLayout {
+        match self.image.format() {
+            Format::D32Float => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
+            _ => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+        }
+    }
+
+    /// How the attachment starts and ends.
+    fn attachment(&self, clear: vk::ClearValue) -> vk::RenderingAttachmentInfo<'static> {
+        vk::RenderingAttachmentInfo::default()
+            .image_view(self.image.0.view)
+            .image_layout(self.attachment_layout())
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(clear)
+    }
+
+    fn record_copy(&self, gpu: &Gpu, recorder: &mut Recorder) {
+        let region = [self.image.0.copy_of_level(0, 0)];
+        // SAFETY: the draws leave the image in this layout; the buffer has its size.
+        unsafe {
+            gpu.0.device.cmd_copy_image_to_buffer(
+                recorder.commands.raw,
+                self.image.0.handle,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                self.copy.raw().handle,
+                &region,
+            );
+        }
+        recorder.commands.keep(self.image.0.clone());
+        recorder.commands.keep(self.copy.raw().clone());
+    }
+}
+
+fn record_draws(
+    gpu: &Gpu,
+    resources: &mut Resources,
+    recorder: &mut Recorder,
+    pass: &Pass,
+    compiled: &[Arc<Compiled>],
+    color: &Target,
+    depth: Option<&Target>,
+) -> Result<()> {
+    let mut bindings = Bindings::default();
+    bindings.copy_written(gpu, resources, recorder, pass)?;
+    recorder.commands.barrier();
+    for target in std::iter::once(color).chain(depth) {
+        recorder.transition(&target.image, vk::ImageLayout::UNDEFINED, target.attachment_layout());
+    }
+    let color_clear = vk::ClearColorValue { float32: pass.color.clear };
+    let color_info = [color.attachment(vk::ClearValue { color: color_clear })];
+    let clear_depth = pass.depth.map_or(1.0, |d| d.clear);
+    let depth_info = depth.map(|target| {
+        let depth_stencil = vk::ClearDepthStencilValue { depth: clear_depth, stencil: 0 };
+        target.attachment(vk::ClearValue { depth_stencil })
+    });
+    let Extent { width, height } = pass.extent;
+    let mut rendering = vk::RenderingInfo::default()
+        .render_area(vk::Rect2D { extent: vk::Extent2D { width, height }, ..Default::default() })
+        .layer_count(1)
+        .color_attachments(&color_info);
+    if let Some(info) = &depth_info {
+        rendering = rendering.depth_attachment(info);
+    }
+    let cmd = recorder.commands.raw;
+    // SAFETY: the attachments are in the layouts that `rendering` names.
+    unsafe { gpu.0.device.cmd_begin_rendering(cmd, &rendering) };
+    for compiled in compiled {
+        recorder.commands.keep(compiled.clone());
+    }
+    let mut bound = None;
+    for draw in &pass.draws {
+        let compiled = &compiled[draw.pipeline];
+        let sets = bindings.sets(gpu, resources, &mut recorder.commands, draw, compiled)?;
+        if bound != Some(draw.pipeline) {
+            bound = Some(draw.pipeline);
+            // SAFETY: the pipeline was made for these attachment formats.
+            let point = vk::PipelineBindPoint::GRAPHICS;
+            unsafe { gpu.0.device.cmd_bind_pipeline(cmd, point, compiled.raw) };
+        }
+        record_draw(gpu, resources, recorder, draw, compiled, &sets, pass.extent)?;
+    }
+    // SAFETY: rendering was begun.
+    unsafe { gpu.0.device.cmd_end_rendering(cmd) };
+    for target in std::iter::once(color).chain(depth) {
+        let from = target.attachment_layout();
+        recorder.transition(&target.image, from, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+    }
+    Ok(())
+}
+
+fn record_draw(
+    gpu: &Gpu,
+    resources: &mut Resources,
+    recorder: &mut Recorder,
+    draw: &Draw,
+    compiled: &Compiled,
+    sets: &[vk::DescriptorSet],
+    extent: Extent,
+) -> Result<()> {
+    let whole = Viewport {
+        x: 0.0,
+        y: 0.0,
+        width: extent.width as f32,
+        height: extent.height as f32,
+        min_depth: 0.0,
+        max_depth: 1.0,
+    };
+    let Viewport { x, y, width, height, min_depth, max_depth } = draw.viewport.unwrap_or(whole);
+    let viewport = [vk::Viewport { x, y, width, height, min_depth, max_depth }];
+    let whole = Rect { x: 0, y: 0, width: extent.width, height: extent.height };
+    let Rect { x, y, width, height } = draw.scissor.unwrap_or(whole);
+    let scissor = [vk::Rect2D {
+        offset: vk::Offset2D { x: x as i32, y: y as i32 },
+        extent: vk::Extent2D { width, height },
+    }];
+    let (mut buffers, mut offsets, mut sizes) = (Vec::new(), Vec::new(), Vec::new());
+    for range in &draw.vertex_buffers {
+        let buffer = resources.buffer(&range.buffer)?;
+        // The padding at a buffer's end is part of the range, for elements that are read wider than
+        // they are.
+        let bytes = if range.offset + range.bytes == range.buffer.bytes.len() {
+            buffer.raw().size - range.offset as u64
+        } else {
+            range.bytes as u64
+        };
+        buffers.push(buffer.raw().handle);
+        offsets.push(range.offset as u64);
+        sizes.push(bytes);
+        recorder.commands.keep(buffer.raw().clone());
+    }
+    let indices = match &draw.indices {
+        Some(indices) => Some((resources.buffer(&indices.range.buffer)?, indices)),
+        None => None,
+    };
+    let (device, cmd) = (&gpu.0.device, recorder.commands.raw);
+    let layout = &compiled.layout;
+    // SAFETY: the pass was validated: every range is inside its buffer and every resource of the
+    // shaders is bound. All that is bound is kept by the recording.
+    unsafe {
+        device.cmd_set_viewport(cmd, 0, &viewport);
+        device.cmd_set_scissor(cmd, 0, &scissor);
+        if !sets.is_empty() {
+            let point = vk::PipelineBindPoint::GRAPHICS;
+            device.cmd_bind_descriptor_sets(cmd, point, layout.raw, 0, sets, &[]);
+        }
+        if layout.push_constant_bytes > 0 {
+            let mut constants = draw.push_constants.clone();
+            constants.resize(layout.push_constant_bytes as usize, 0);
+            device.cmd_push_constants(cmd, layout.raw, STAGES, 0, &constants);
+        }
+        if !buffers.is_empty() {
+            device.cmd_bind_vertex_buffers2(cmd, 0, &buffers, &offsets, Some(&sizes), None);
+        }
+        match &indices {
+            Some((buffer, indices)) => {
+                let format = match indices.format {
+                    IndexFormat::U16 => vk::IndexType::UINT16,
+                    IndexFormat::U32 => vk::IndexType::UINT32,
+                };
+                let offset = indices.range.offset as u64;
+                device.cmd_bind_index_buffer(cmd, buffer.raw().handle, offset, format);
+                let (first, base) = (draw.first, draw.base_vertex);
+                let (n, at) = (draw.instances, draw.first_instance);
+                device.cmd_draw_indexed(cmd, draw.count, n, first, base, at);
+            }
+            None => {
+                let (n, at) = (draw.instances, draw.first_instance);
+                device.cmd_draw(cmd, draw.count, n, draw.first, at);
+            }
+        }
+    }
+    if let Some((buffer, _)) = indices {
+        recorder.commands.keep(buffer.raw().clone());
+    }
+    Ok(())
+}

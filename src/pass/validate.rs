@@ -1,0 +1,468 @@
+//! Whether a pass makes sense: the one check that all executors share, so that all of them refuse the
+//! same input with the same words, and none of them ever reads outside a buffer.
+
+use super::{
+    Binding, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Pass, Pipeline, StepRate,
+};
+use crate::{
+    error::{Error, Result},
+    format::{Component, Format},
+    image::Extent,
+    shader::{Dimension, ImageShape, Resource, ResourceKind, Scalar, Shader, Stage},
+    state::{Rect, Viewport},
+    texture::Texture,
+};
+use std::{collections::HashSet, ops::RangeInclusive, sync::Arc};
+
+/// Largest side of a target; every device with Vulkan 1.3 on a desktop has it.
+const TARGET_SIDE_PX: u32 = 16384;
+/// Largest distance of a viewport's edge from the origin that Vulkan promises for that side.
+const VIEWPORT_BOUND_PX: f32 = 32768.0;
+/// Largest stride and attribute offset that Vulkan promises.
+const STRIDE_BYTES: u32 = 2048;
+/// Alignment of a block in its buffer: the largest that Vulkan lets a device ask for.
+const BLOCK_ALIGNMENT: usize = 256;
+
+/// A fault, without saying where.
+type Fault = std::result::Result<(), String>;
+
+impl Pass {
+    /// Checks that the pass makes sense: extents, ranges inside their buffers, alignments, every
+    /// resource of every shader bound to something of its kind, every vertex that is read there.
+    ///
+    /// Executors call it; there is no need to.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the draw or pipeline, the resource and the fault.
+    pub fn validate(&self) -> Result<()> {
+        let named = |what: String| move |fault| Error::Usage(format!("{what}: {fault}"));
+        self.check_targets().map_err(named(format!("pass `{}`", self.label)))?;
+        for pipeline in &self.pipelines {
+            check_pipeline(pipeline).map_err(named(format!("pipeline `{}`", pipeline.label)))?;
+        }
+        let mut seen = Seen::default();
+        for (n, draw) in self.draws.iter().enumerate() {
+            let Some(pipeline) = self.pipelines.get(draw.pipeline) else {
+                return Err(Error::Usage(format!(
+                    "draw {n}: it uses pipeline {}; the pass has {}",
+                    draw.pipeline,
+                    self.pipelines.len()
+                )));
+            };
+            check_draw(draw, pipeline, &mut seen)
+                .map_err(named(format!("draw {n} (pipeline `{}`)", pipeline.label)))?;
+        }
+        Ok(())
+    }
+
+    fn check_targets(&self) -> Fault {
+        let sides = 1..=TARGET_SIDE_PX;
+        if !sides.contains(&self.extent.width) || !sides.contains(&self.extent.height) {
+            return Err(format!("{} pixels; each side is 1 to {TARGET_SIDE_PX}", self.extent));
+        }
+        let format = self.color.format;
+        if !matches!(format, Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float) {
+            return Err(format!("{format:?} is no format of a colour target"));
+        }
+        match self.depth {
+            Some(depth) if !(0.0..=1.0).contains(&depth.clear) => {
+                Err(format!("depth is cleared to {}, outside 0..=1", depth.clear))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Pipeline {
+    /// The resources of both stages by (set, binding), each once, sorted. An array that both declare
+    /// has the larger of the two lengths, a block the larger of the two sizes.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the stages declare one of them as different kinds.
+    pub fn resources(&self) -> Result<Vec<Resource>> {
+        merged(&self.vertex, &self.fragment)
+            .map_err(|fault| Error::Usage(format!("pipeline `{}`: {fault}", self.label)))
+    }
+}
+
+fn merged(vertex: &Shader, fragment: &Shader) -> std::result::Result<Vec<Resource>, String> {
+    let mut all: Vec<Resource> = Vec::new();
+    for resource in vertex.reflection.resources.iter().chain(&fragment.reflection.resources) {
+        let same = |r: &&mut Resource| (r.set, r.binding) == (resource.set, resource.binding);
+        match all.iter_mut().find(same) {
+            None => all.push(*resource),
+            Some(other) if other.kind != resource.kind => {
+                return Err(format!(
+                    "set {} binding {} is {:?} in `{}` and {:?} in `{}`",
+                    other.set,
+                    other.binding,
+                    other.kind,
+                    vertex.label,
+                    resource.kind,
+                    fragment.label
+                ));
+            }
+            Some(other) => {
+                // 0 is a run-time array, which is as long as what is bound.
+                let open = other.count == 0 || resource.count == 0;
+                other.count = if open { 0 } else { other.count.max(resource.count) };
+                other.bytes = other.bytes.max(resource.bytes);
+            }
+        }
+    }
+    all.sort_by_key(|r| (r.set, r.binding));
+    Ok(all)
+}
+
+fn check_pipeline(pipeline: &Pipeline) -> Fault {
+    for (shader, stage) in
+        [(&pipeline.vertex, Stage::Vertex), (&pipeline.fragment, Stage::Fragment)]
+    {
+        if shader.stage != stage {
+            return Err(format!("shader `{}` is no {stage:?} shader", shader.label));
+        }
+    }
+    for binding in &pipeline.vertex_bindings {
+        if binding.stride > STRIDE_BYTES {
+            return Err(format!("a stride of {} bytes; at most {STRIDE_BYTES}", binding.stride));
+        }
+    }
+    check_attributes(pipeline)?;
+    check_varyings(pipeline)?;
+    for resource in merged(&pipeline.vertex, &pipeline.fragment)? {
+        let place = format!("set {} binding {}", resource.set, resource.binding);
+        if resource.kind == ResourceKind::StorageImage {
+            return Err(format!("{place} is a storage image, which cannot be bound"));
+        }
+        if let Some(shape) = resource.image.filter(|shape| !is_plain(shape)) {
+            return Err(format!("{place} is {shape:?}; textures are two-dimensional floats"));
+        }
+    }
+    Ok(())
+}
+
+fn is_plain(shape: &ImageShape) -> bool {
+    shape.dimension == Dimension::D2
+        && !shape.arrayed
+        && !shape.multisampled
+        && !shape.shadow
+        && shape.texel == Scalar::Float
+}
+
+fn check_attributes(pipeline: &Pipeline) -> Fault {
+    let mut locations = HashSet::new();
+    for attribute in &pipeline.vertex_attributes {
+        let (location, format) = (attribute.location, attribute.format);
+        let place = format!("vertex attribute {location}");
+        if !locations.insert(location) {
+            return Err(format!("{place} is there twice"));
+        }
+        if !(1..=4).contains(&format.count) {
+            return Err(format!("{place} has {} components", format.count));
+        }
+        let Some(binding) = pipeline.vertex_bindings.get(attribute.binding as usize) else {
+            let bindings = pipeline.vertex_bindings.len();
+            return Err(format!("{place} is in binding {} of {bindings}", attribute.binding));
+        };
+        let align = format.component.bytes() as u32;
+        if attribute.offset >= STRIDE_BYTES {
+            return Err(format!("{place} starts at byte {}", attribute.offset));
+        }
+        if attribute.offset % align != 0 || binding.stride % align != 0 {
+            return Err(format!(
+                "{place} has {align}-byte components at byte {} with stride {}",
+                attribute.offset, binding.stride
+            ));
+        }
+    }
+    for input in &pipeline.vertex.reflection.inputs {
+        let same = pipeline.vertex_attributes.iter().find(|a| a.location == input.location);
+        let Some(attribute) = same else {
+            let shader = &pipeline.vertex.label;
+            return Err(format!("`{shader}` reads vertex attribute {}: no such", input.location));
+        };
+        let component = attribute.format.component;
+        if scalar(component) != input.scalar {
+            return Err(format!(
+                "vertex attribute {} is {:?} in `{}`, {component:?} in memory",
+                input.location, input.scalar, pipeline.vertex.label
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn scalar(component: Component) -> Scalar {
+    match component {
+        Component::U8 | Component::U16 | Component::U32 => Scalar::Uint,
+        Component::I8 | Component::I16 | Component::I32 => Scalar::Int,
+        _ => Scalar::Float,
+    }
+}
+
+/// Whether the vertex shader writes what the fragment shader reads.
+fn check_varyings(pipeline: &Pipeline) -> Fault {
+    let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
+    for input in &fragment.reflection.inputs {
+        let outputs = vertex.reflection.outputs.iter();
+        let mut written = 0u32;
+        for output in outputs.filter(|o| o.location == input.location) {
+            let bits = ((1 << output.count) - 1) << output.component;
+            let read = ((1 << input.count) - 1) << input.component;
+            if bits & read != 0 && output.scalar != input.scalar {
+                return Err(format!(
+                    "location {} is {:?} in `{}` and {:?} in `{}`",
+                    input.location, output.scalar, vertex.label, input.scalar, fragment.label
+                ));
+            }
+            written |= bits;
+        }
+        let read = ((1u32 << input.count) - 1) << input.component;
+        if read & !written != 0 {
+            return Err(format!(
+                "`{}` reads location {}, which `{}` does not write",
+                fragment.label, input.location, vertex.label
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// What was found good before, so that thousands of draws that share it are checked quickly.
+#[derive(Default)]
+struct Seen {
+    /// Pipeline, number of the set, set.
+    sets: HashSet<(usize, usize, *const BindingSet)>,
+    textures: HashSet<*const Texture>,
+}
+
+fn check_draw(draw: &Draw, pipeline: &Pipeline, seen: &mut Seen) -> Fault {
+    let push = pipeline
+        .vertex
+        .reflection
+        .push_constant_bytes
+        .max(pipeline.fragment.reflection.push_constant_bytes);
+    if draw.push_constants.len() < push as usize {
+        let bytes = draw.push_constants.len();
+        return Err(format!("{bytes} bytes of push constants; the shaders read {push}"));
+    }
+    if let Some(viewport) = &draw.viewport {
+        check_viewport(viewport)?;
+    }
+    if let Some(Rect { x, y, width, height }) = draw.scissor {
+        if [(x, width), (y, height)].iter().any(|(a, b)| a.saturating_add(*b) > i32::MAX as u32) {
+            return Err(format!("the scissor {x},{y} {width}x{height} is too large"));
+        }
+    }
+    check_sets(draw, pipeline, seen)?;
+    check_vertices(draw, pipeline)
+}
+
+fn check_viewport(v: &Viewport) -> Fault {
+    let depths = 0.0..=1.0;
+    let inside = |edge: f32| edge.abs() <= VIEWPORT_BOUND_PX;
+    let sides = v.width > 0.0
+        && v.height != 0.0
+        && v.width <= TARGET_SIDE_PX as f32
+        && v.height.abs() <= TARGET_SIDE_PX as f32;
+    let edges = [v.x, v.y, v.x + v.width, v.y + v.height].into_iter().all(inside);
+    if sides && edges && depths.contains(&v.min_depth) && depths.contains(&v.max_depth) {
+        return Ok(());
+    }
+    Err(format!("{v:?}: it is empty, too large, or its depths are outside 0..=1"))
+}
+
+fn check_sets(draw: &Draw, pipeline: &Pipeline, seen: &mut Seen) -> Fault {
+    let fresh = |seen: &mut Seen| {
+        let sets = draw.sets.iter().enumerate();
+        sets.fold(draw.sets.is_empty(), |any, (n, set)| {
+            seen.sets.insert((draw.pipeline, n, Arc::as_ptr(set))) || any
+        })
+    };
+    if !fresh(seen) {
+        return Ok(());
+    }
+    for resource in merged(&pipeline.vertex, &pipeline.fragment)? {
+        let place = format!("set {} binding {}", resource.set, resource.binding);
+        let set = draw.sets.get(resource.set as usize);
+        let entry = set.and_then(|s| s.entries.iter().find(|e| e.binding == resource.binding));
+        let Some(entry) = entry else {
+            return Err(format!("{place} ({:?}) is not bound", resource.kind));
+        };
+        let wanted = resource.count.max(1) as usize;
+        if entry.resources.len() < wanted {
+            let bound = entry.resources.len();
+            return Err(format!("{place} has {wanted} elements; {bound} are bound"));
+        }
+        for binding in &entry.resources {
+            check_binding(binding, &resource, seen).map_err(|fault| format!("{place}: {fault}"))?;
+        }
+    }
+    Ok(())
+}
+
+fn check_binding(binding: &Binding, resource: &Resource, seen: &mut Seen) -> Fault {
+    let (kind, block, texture) = match binding {
+        Binding::Uniform(range) => (ResourceKind::Uniform, Some(range), None),
+        Binding::Storage(range) => (ResourceKind::Storage, Some(range), None),
+        Binding::Sampled(texture, _) => (ResourceKind::Sampled, None, Some(texture)),
+        Binding::Texture(texture) => (ResourceKind::Texture, None, Some(texture)),
+        Binding::Sampler(_) => (ResourceKind::Sampler, None, None),
+    };
+    if kind != resource.kind {
+        return Err(format!("{kind:?} is bound to {:?}", resource.kind));
+    }
+    if let Some(range) = block {
+        check_range(range)?;
+        let label = &range.buffer.label;
+        if range.offset % BLOCK_ALIGNMENT != 0 {
+            let offset = range.offset;
+            return Err(format!(
+                "the block starts at byte {offset} of buffer `{label}`, no multiple of \
+                 {BLOCK_ALIGNMENT}"
+            ));
+        }
+        if range.bytes < resource.bytes.max(1) as usize {
+            return Err(format!(
+                "{} bytes of buffer `{label}`; the block has {}",
+                range.bytes, resource.bytes
+            ));
+        }
+    }
+    match texture {
+        Some(texture) if seen.textures.insert(Arc::as_ptr(texture)) => {
+            check_texture(texture).map_err(|fault| format!("texture `{}` {fault}", texture.label))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_texture(texture: &Texture) -> Fault {
+    let Extent { width, height } = texture.extent;
+    if texture.format == Format::D32Float {
+        return Err("has a depth format".into());
+    }
+    let sides = 1..=TARGET_SIDE_PX;
+    if !sides.contains(&width) || !sides.contains(&height) {
+        return Err(format!("is {} texels; each side is 1 to {TARGET_SIDE_PX}", texture.extent));
+    }
+    let most = width.max(height).ilog2() as usize + 1;
+    if !(1..=most).contains(&texture.levels.len()) {
+        return Err(format!("has {} levels, not 1 to {most}", texture.levels.len()));
+    }
+    for (n, level) in texture.levels.iter().enumerate() {
+        let extent = Extent::new((width >> n).max(1), (height >> n).max(1));
+        let bytes = extent.pixels() * texture.format.texel_bytes();
+        if level.len() != bytes {
+            return Err(format!("has {} bytes in level {n}, not {bytes}", level.len()));
+        }
+    }
+    Ok(())
+}
+
+fn check_range(range: &BufferRange) -> Fault {
+    let BufferRange { buffer, offset, bytes } = range;
+    if offset.checked_add(*bytes).is_none_or(|end| end > buffer.bytes.len()) {
+        let (label, all) = (&buffer.label, buffer.bytes.len());
+        return Err(format!("{bytes} bytes from {offset} on of buffer `{label}`, which has {all}"));
+    }
+    Ok(())
+}
+
+/// Whether all vertices and indices that the draw reads are there.
+fn check_vertices(draw: &Draw, pipeline: &Pipeline) -> Fault {
+    if draw.vertex_buffers.len() < pipeline.vertex_bindings.len() {
+        return Err(format!(
+            "{} vertex buffers; the pipeline has {}",
+            draw.vertex_buffers.len(),
+            pipeline.vertex_bindings.len()
+        ));
+    }
+    for range in &draw.vertex_buffers {
+        check_range(range)?;
+    }
+    let vertices = match &draw.indices {
+        Some(indices) => {
+            check_range(&indices.range)?;
+            let width = indices.format.bytes();
+            if indices.range.offset % width != 0 {
+                let offset = indices.range.offset;
+                return Err(format!("indices of {width} bytes start at byte {offset}"));
+            }
+            let (first, count) = (draw.first as usize, draw.count as usize);
+            let there = indices.range.bytes / width;
+            if first + count > there {
+                return Err(format!("{count} indices from {first} on; there are {there}"));
+            }
+            index_range(&indices.range, indices.format, first, count)
+                .map(|r| (*r.start() as i64, *r.end() as i64))
+                .map(|(a, b)| (a + i64::from(draw.base_vertex), b + i64::from(draw.base_vertex)))
+        }
+        None => draw
+            .count
+            .checked_sub(1)
+            .map(|last| (i64::from(draw.first), i64::from(draw.first) + i64::from(last))),
+    };
+    let Some((first, last)) = vertices.filter(|_| draw.instances > 0) else { return Ok(()) };
+    if first < 0 || last > i64::from(u32::MAX) {
+        return Err(format!("it reads vertices {first} to {last}"));
+    }
+    let last_instance = i64::from(draw.first_instance) + i64::from(draw.instances) - 1;
+    for attribute in &pipeline.vertex_attributes {
+        let n = attribute.binding as usize;
+        let (binding, range) = (pipeline.vertex_bindings[n], &draw.vertex_buffers[n]);
+        let (what, element) = match binding.rate {
+            StepRate::Vertex => ("vertex", last),
+            StepRate::Instance => ("instance", last_instance),
+        };
+        let size = attribute.format.bytes() as i64;
+        let end = element * i64::from(binding.stride) + i64::from(attribute.offset) + size;
+        if end > range.bytes as i64 {
+            return Err(format!(
+                "attribute {} of {what} {element} ends at byte {end} of binding {n} (buffer `{}`), \
+                 which has {}",
+                attribute.location, range.buffer.label, range.bytes
+            ));
+        }
+        if range.offset % attribute.format.component.bytes() != 0 {
+            return Err(format!(
+                "binding {n} starts at byte {} of buffer `{}`; attribute {} has {}-byte components",
+                range.offset,
+                range.buffer.label,
+                attribute.location,
+                attribute.format.component.bytes()
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Smallest and largest index, `None` if there are none.
+fn index_range(
+    range: &BufferRange,
+    format: IndexFormat,
+    first: usize,
+    count: usize,
+) -> Option<RangeInclusive<u32>> {
+    let width = format.bytes();
+    let start = range.offset + first * width;
+    let bytes = Buffer::slice(&range.buffer, start, count * width)?;
+    let (mut min, mut max) = (u32::MAX, 0);
+    match format {
+        IndexFormat::U16 => bytes.chunks_exact(2).for_each(|b| {
+            let index = u32::from(u16::from_ne_bytes([b[0], b[1]]));
+            (min, max) = (min.min(index), max.max(index));
+        }),
+        IndexFormat::U32 => bytes.chunks_exact(4).for_each(|b| {
+            let index = u32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
+            (min, max) = (min.min(index), max.max(index));
+        }),
+    }
+    (count > 0).then_some(min..=max)
+}
+
+impl Buffer {
+    fn slice(&self, start: usize, bytes: usize) -> Option<&[u8]> {
+        self.bytes.get(start..start.checked_add(bytes)?)
+    }
+}
