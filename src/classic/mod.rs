@@ -32,9 +32,11 @@ use std::{collections::HashMap, sync::Arc};
 pub struct Renderer {
     gpu: Gpu,
     resources: Resources,
-    /// The pipeline is held, so that its address is not reused while the key is in use.
-    pipelines: HashMap<(*const Pipeline, Variant), (Arc<Pipeline>, Arc<Compiled>)>,
+    pipelines: HashMap<(*const Pipeline, Variant), Held>,
 }
+
+/// The pipeline is held, so that its address is not reused while it is a key.
+type Held = (Arc<Pipeline>, Arc<Compiled>);
 
 // SAFETY: the pointers are keys only; what they point to is held by the `Arc` beside them.
 unsafe impl Send for Renderer {}

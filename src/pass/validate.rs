@@ -249,10 +249,10 @@ fn check_draw(draw: &Draw, pipeline: &Pipeline, seen: &mut Seen) -> Fault {
     if let Some(viewport) = &draw.viewport {
         check_viewport(viewport)?;
     }
-    if let Some(Rect { x, y, width, height }) = draw.scissor {
-        if [(x, width), (y, height)].iter().any(|(a, b)| a.saturating_add(*b) > i32::MAX as u32) {
-            return Err(format!("the scissor {x},{y} {width}x{height} is too large"));
-        }
+    if let Some(Rect { x, y, width, height }) = draw.scissor
+        && [(x, width), (y, height)].iter().any(|(a, b)| a.saturating_add(*b) > i32::MAX as u32)
+    {
+        return Err(format!("the scissor {x},{y} {width}x{height} is too large"));
     }
     check_sets(draw, pipeline, seen)?;
     check_vertices(draw, pipeline)

@@ -166,7 +166,7 @@ impl<T: Pod> Buffer<T> {
     /// [`Error::Usage`] if they are no whole number of elements.
     pub fn cast<U: Pod>(&self) -> Result<Buffer<U>> {
         let bytes = self.bytes() as usize;
-        if size_of::<U>() == 0 || bytes % size_of::<U>() != 0 {
+        if size_of::<U>() == 0 || !bytes.is_multiple_of(size_of::<U>()) {
             return Err(Error::Usage(format!(
                 "buffer `{}` has {bytes} bytes, no whole number of {}-byte elements",
                 self.raw.name,

@@ -196,10 +196,10 @@ fn list_of(all: &[Candidate]) -> String {
 /// Whether `selector` (index, UUID or name pattern) means this device.
 fn matches(selector: &str, info: &DeviceInfo) -> bool {
     let selector = selector.trim();
-    if let Ok(index) = selector.parse::<usize>() {
-        if selector.len() < 32 {
-            return index == info.index;
-        }
+    if let Ok(index) = selector.parse::<usize>()
+        && selector.len() < 32
+    {
+        return index == info.index;
     }
     let hex: String = selector.chars().filter(|c| *c != '-').collect();
     if hex.len() == 32 && hex.chars().all(|c| c.is_ascii_hexdigit()) {

@@ -322,10 +322,8 @@ impl Shared {
 
     pub fn free(&self, allocation: Allocation) {
         let mut guard = self.allocator.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(allocator) = guard.as_mut() {
-            if let Err(e) = allocator.free(allocation) {
-                log::error!("device memory was not freed: {e}");
-            }
+        if let Some(Err(e)) = guard.as_mut().map(|allocator| allocator.free(allocation)) {
+            log::error!("device memory was not freed: {e}");
         }
     }
 

@@ -136,10 +136,10 @@ fn check_limits(
         ));
     }
     let (min, max) = limits.subgroup_sizes;
-    if let Some(size) = info.subgroup_size {
-        if !size.is_power_of_two() || !(min..=max).contains(&size) {
-            return Err(format!("asks for subgroups of {size}; {} has {min} to {max}", gpu.name()));
-        }
+    if let Some(size) = info.subgroup_size
+        && (!size.is_power_of_two() || !(min..=max).contains(&size))
+    {
+        return Err(format!("asks for subgroups of {size}; {} has {min} to {max}", gpu.name()));
     }
     let widest = info.subgroup_size.unwrap_or(max);
     if info.full_subgroups && !reflection.workgroup[0].is_multiple_of(widest) {

@@ -324,7 +324,7 @@ impl Dispatch<'_> {
     /// As [`Dispatch::dispatch`], and [`Error::Usage`] if the counts are outside the buffer.
     pub fn dispatch_indirect<T: Pod>(self, buffer: &Buffer<T>, byte_offset: u64) -> Result<()> {
         let at = buffer.offset() + byte_offset;
-        if at % 4 != 0 || byte_offset + 12 > buffer.bytes() {
+        if !at.is_multiple_of(4) || byte_offset + 12 > buffer.bytes() {
             return Err(Error::Usage(format!(
                 "kernel `{}` reads its size at byte {byte_offset} of buffer `{}`, which has {}",
                 self.kernel.name(),

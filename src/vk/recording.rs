@@ -155,11 +155,11 @@ impl Commands {
             // SAFETY: a label is open.
             unsafe { debug.cmd_end_debug_utils_label(self.raw) };
         }
-        if self.time_stages {
-            if let Some(query) = self.stages.last().map(|s| s.query + 1) {
-                self.barrier();
-                self.timestamp(query);
-            }
+        if self.time_stages
+            && let Some(query) = self.stages.last().map(|s| s.query + 1)
+        {
+            self.barrier();
+            self.timestamp(query);
         }
     }
 
