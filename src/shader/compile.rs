@@ -24,11 +24,16 @@ use glslang::{
 /// # Errors
 /// [`Error::Shader`] with the compiler's messages, `line N: …` each.
 pub(super) fn compile(stage: Stage, label: &str, source: &str) -> Result<Vec<u32>> {
-    let refuse = |reason: String| Error::shader(label, reason);
-    let Some(compiler) = Compiler::acquire() else {
-        return Err(refuse("the GLSL compiler does not start".into()));
+    let stage = match stage {
+        Stage::Vertex => ShaderStage::Vertex,
+        Stage::Fragment => ShaderStage::Fragment,
     };
-    let source = ShaderSource::from(plain_ascii(source).map_err(&refuse)?);
+    words(stage, source).map_err(|reason| Error::shader(label, reason))
+}
+
+fn words(stage: ShaderStage, source: &str) -> Outcome<Vec<u32>> {
+    let compiler = Compiler::acquire().ok_or("the GLSL compiler does not start")?;
+    let source = ShaderSource::from(plain_ascii(source)?);
     let options = CompilerOptions {
         source_language: SourceLanguage::GLSL,
         target: Target::Vulkan {
@@ -38,17 +43,11 @@ pub(super) fn compile(stage: Stage, label: &str, source: &str) -> Result<Vec<u32
         version_profile: None,
         messages: ShaderMessage::SPV_RULES | ShaderMessage::VULKAN_RULES,
     };
-    let stage = match stage {
-        Stage::Vertex => ShaderStage::Vertex,
-        Stage::Fragment => ShaderStage::Fragment,
-    };
     let defines = None::<&[(&str, Option<&str>)]>;
-    let input = ShaderInput::new(&source, stage, &options, defines, None)
-        .map_err(|e| refuse(message(e)))?;
-    compiler
-        .create_shader(input)
+    ShaderInput::new(&source, stage, &options, defines, None)
+        .and_then(|input| compiler.create_shader(input))
         .and_then(|shader| shader.compile())
-        .map_err(|e| refuse(message(e)))
+        .map_err(message)
 }
 
 /// The source as the compiler's bindings can take it. GLSL allows other characters than ASCII in
@@ -101,8 +100,13 @@ fn readable(line: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+
+    /// Compiles a compute shader for a test.
+    pub fn kernel(source: &str) -> Vec<u32> {
+        words(ShaderStage::Compute, source).unwrap()
+    }
 
     const HEAD: &str = "#version 450\nlayout(location = 0) out vec4 color;\n";
 

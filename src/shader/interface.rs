@@ -18,8 +18,6 @@ use rspirv::{
 /// One location of a variable.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
-    /// The variable.
-    pub variable: Word,
     /// Literal indices from the variable to the leaf.
     pub path: Vec<u32>,
     /// Type of the leaf: a scalar or a vector.
@@ -67,8 +65,7 @@ pub(super) fn variable(
     if index.literal(id, Decoration::Index).unwrap_or(0) != 0 {
         return Err("outputs for dual-source blending (index = 1)".into());
     }
-    let mut flatten =
-        Flatten { index, specialization, variable: id, path: Vec::new(), leaves: Vec::new() };
+    let mut flatten = Flatten { index, specialization, path: Vec::new(), leaves: Vec::new() };
     let component = index.literal(id, Decoration::Component).unwrap_or(0);
     let interpolation = interpolation(|d| index.has(id, d)).unwrap_or(Interpolation::Smooth);
     let location = index.literal(id, Decoration::Location);
@@ -93,7 +90,6 @@ fn interpolation(has: impl Fn(Decoration) -> bool) -> Option<Interpolation> {
 struct Flatten<'i, 'm> {
     index: &'i Index<'m>,
     specialization: Specialization<'i>,
-    variable: Word,
     path: Vec<u32>,
     leaves: Vec<Leaf>,
 }
@@ -123,8 +119,7 @@ impl Flatten<'_, '_> {
                 let interpolation =
                     if scalar == Scalar::Float { interpolation } else { Interpolation::Flat };
                 let varying = Varying { location, component, count, scalar, interpolation };
-                let (variable, path) = (self.variable, self.path.clone());
-                self.leaves.push(Leaf { variable, path, ty, varying });
+                self.leaves.push(Leaf { path: self.path.clone(), ty, varying });
                 Ok(1)
             }
             Op::TypeMatrix | Op::TypeArray => {

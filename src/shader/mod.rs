@@ -9,6 +9,7 @@ mod compile;
 mod interface;
 mod module;
 mod reflect;
+pub mod splice;
 mod usage;
 
 use crate::{Error, Result};

@@ -17,9 +17,21 @@ pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<Reflection> 
     let usage = Usage::new(&index, stage)?;
     let mut reflection = Reflection::default();
     for variable in usage.variables(&index) {
-        add_variable(&index, &usage, variable, &mut reflection)?;
+        let Some(pointer) = variable.result_type else { continue };
+        let (class, _) = index.pointer(pointer)?;
+        if interface::is_interface(class) {
+            add_varyings(&index, variable, class, &mut reflection)?;
+        }
     }
-    reflection.resources.sort_by_key(|r| (r.set, r.binding));
+    for (variable, resource) in resources(&index, &usage)? {
+        match resource {
+            Some(resource) => reflection.resources.push(resource),
+            None => {
+                let (_, block) = index.pointer(index.type_of(variable)?)?;
+                reflection.push_constant_bytes = bytes(&index, block)?;
+            }
+        }
+    }
     reflection.inputs.sort_by_key(|v| (v.location, v.component));
     reflection.outputs.sort_by_key(|v| (v.location, v.component));
     reflection.specialization = specialization(&index, &usage);
@@ -36,55 +48,56 @@ pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<Reflection> 
     Ok(reflection)
 }
 
-fn add_variable(
+fn add_varyings(
     index: &Index,
-    usage: &Usage,
-    instruction: &Instruction,
+    variable: &Instruction,
+    class: StorageClass,
     reflection: &mut Reflection,
 ) -> Outcome<()> {
-    let (Some(id), Some(pointer)) = (instruction.result_id, instruction.result_type) else {
-        return Ok(());
-    };
-    let (class, ty) = index.pointer(pointer)?;
-    match class {
-        StorageClass::Input | StorageClass::Output => {
-            let list = match class {
-                StorageClass::Input => &mut reflection.inputs,
-                _ => &mut reflection.outputs,
-            };
-            let written = class == StorageClass::Output;
-            match interface::variable(index, instruction, &[])? {
-                Variable::Leaves(leaves) => list.extend(leaves.iter().map(|leaf| leaf.varying)),
-                Variable::BuiltIn(BuiltIn::FragDepth) if written => reflection.writes_depth = true,
-                // A mask of no samples discards the fragment.
-                Variable::BuiltIn(BuiltIn::SampleMask) if written => reflection.discards = true,
-                Variable::BuiltIn(_) | Variable::BuiltInBlock(_) => {}
-            }
-        }
-        StorageClass::PushConstant => {
-            if reflection.push_constant_bytes != 0 {
-                return Err("two push-constant blocks".into());
-            }
-            reflection.push_constant_bytes = bytes(index, ty)?;
-        }
-        StorageClass::UniformConstant | StorageClass::Uniform | StorageClass::StorageBuffer => {
-            debug_assert!(usage.uses(id));
-            let found = resource(index, id, class, ty)?;
-            let same = |r: &&Resource| (r.set, r.binding) == (found.set, found.binding);
-            match reflection.resources.iter().find(same) {
-                // Several variables may share a binding, each seeing the resource its own way.
-                Some(other) if other.kind != found.kind => {
-                    return Err(format!(
-                        "set {} binding {} is declared as two kinds of resource",
-                        found.set, found.binding
-                    ));
-                }
-                _ => reflection.resources.push(found),
-            }
-        }
-        _ => {}
+    let written = class == StorageClass::Output;
+    let list = if written { &mut reflection.outputs } else { &mut reflection.inputs };
+    match interface::variable(index, variable, &[])? {
+        Variable::Leaves(leaves) => list.extend(leaves.iter().map(|leaf| leaf.varying)),
+        Variable::BuiltIn(BuiltIn::FragDepth) if written => reflection.writes_depth = true,
+        // A mask of no samples discards the fragment.
+        Variable::BuiltIn(BuiltIn::SampleMask) if written => reflection.discards = true,
+        Variable::BuiltIn(_) | Variable::BuiltInBlock(_) => {}
     }
     Ok(())
+}
+
+/// Variables of resources that are used, in the order in which kernels number them: by set and
+/// binding, then as declared; the push-constant block comes last and has no [`Resource`].
+pub(super) fn resources(index: &Index, usage: &Usage) -> Outcome<Vec<(Word, Option<Resource>)>> {
+    let mut found: Vec<(Word, Option<Resource>)> = Vec::new();
+    for variable in usage.variables(index) {
+        let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
+            continue;
+        };
+        let (class, ty) = index.pointer(pointer)?;
+        match class {
+            StorageClass::PushConstant => found.push((id, None)),
+            StorageClass::UniformConstant | StorageClass::Uniform | StorageClass::StorageBuffer => {
+                found.push((id, Some(resource(index, id, class, ty)?)));
+            }
+            _ => {}
+        }
+    }
+    found.sort_by_key(|(_, r)| r.map_or((1, 0, 0), |r| (0, r.set, r.binding)));
+    for pair in found.windows(2) {
+        match (pair[0].1, pair[1].1) {
+            (None, None) => return Err("two push-constant blocks".into()),
+            // Several variables may share a binding, each seeing the resource in its own way.
+            (Some(a), Some(b)) if (a.set, a.binding) == (b.set, b.binding) && a.kind != b.kind => {
+                let (set, binding) = (a.set, a.binding);
+                return Err(format!(
+                    "set {set} binding {binding} is declared as two kinds of resource"
+                ));
+            }
+            _ => {}
+        }
+    }
+    Ok(found)
 }
 
 /// The resource that a variable declares.

@@ -1,0 +1,73 @@
+//! Built-in variables: which of the kernel's variables each one is.
+//!
+//! A pass has one view, one layer, one viewport and one sample per pixel, so what asks for their
+//! numbers gets the constant that the device's own pipeline would give. Everything else is a
+//! variable of the kernel, named `tw_` and the GLSL name without `gl_`; a kernel that lacks it makes
+//! the shader a refusal.
+
+use crate::shader::{Stage, module::Outcome};
+use rspirv::spirv::BuiltIn;
+
+/// Where a built-in's value comes from, or goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    /// A variable of the kernel.
+    Kernel(&'static str),
+    /// A variable of the kernel, as it is when the user's code begins.
+    KernelAtStart(&'static str),
+    /// The same in all components, always.
+    Constant(u32),
+    /// The mask of covered samples: 1, or 0 for a helper.
+    Coverage,
+    /// The mask of samples to keep: 0 is a discard.
+    Keep,
+    /// The built-in of the same name in a compute shader.
+    Compute,
+}
+
+/// Where `built_in` comes from, or goes if `output`.
+pub(super) fn source(stage: Stage, output: bool, built_in: BuiltIn) -> Outcome<Source> {
+    use BuiltIn as B;
+    use Source::{Compute, Constant, Coverage, Keep, Kernel, KernelAtStart};
+    let half = 0.5f32.to_bits();
+    Ok(match (stage, output, built_in) {
+        (Stage::Vertex, false, B::VertexIndex) => Kernel("tw_VertexIndex"),
+        (Stage::Vertex, false, B::InstanceIndex) => Kernel("tw_InstanceIndex"),
+        (Stage::Vertex, false, B::BaseVertex) => Kernel("tw_BaseVertex"),
+        (Stage::Vertex, false, B::BaseInstance) => Kernel("tw_BaseInstance"),
+        (Stage::Vertex, false, B::DrawIndex) => Kernel("tw_DrawIndex"),
+        (Stage::Vertex, true, B::Position) => Kernel("tw_Position"),
+        (Stage::Vertex, true, B::PointSize) => Kernel("tw_PointSize"),
+        (Stage::Vertex, true, B::ClipDistance) => Kernel("tw_ClipDistance"),
+        (Stage::Vertex, true, B::CullDistance) => Kernel("tw_CullDistance"),
+        (Stage::Vertex, true, B::Layer) => Kernel("tw_Layer"),
+        (Stage::Vertex, true, B::ViewportIndex) => Kernel("tw_ViewportIndex"),
+        (Stage::Fragment, false, B::FragCoord) => Kernel("tw_FragCoord"),
+        (Stage::Fragment, false, B::FrontFacing) => Kernel("tw_FrontFacing"),
+        (Stage::Fragment, false, B::PrimitiveId) => Kernel("tw_PrimitiveID"),
+        (Stage::Fragment, false, B::ClipDistance) => Kernel("tw_ClipDistance"),
+        (Stage::Fragment, false, B::CullDistance) => Kernel("tw_CullDistance"),
+        (Stage::Fragment, false, B::BaryCoordKHR) => Kernel("tw_BaryCoord"),
+        (Stage::Fragment, false, B::BaryCoordNoPerspKHR) => Kernel("tw_BaryCoordNoPersp"),
+        (Stage::Fragment, false, B::HelperInvocation) => KernelAtStart("tw_HelperInvocation"),
+        (Stage::Fragment, false, B::SampleMask) => Coverage,
+        (Stage::Fragment, false, B::SamplePosition) => Constant(half),
+        // Of a triangle's fragments, Vulkan leaves gl_PointCoord undefined.
+        (Stage::Fragment, false, B::SampleId | B::PointCoord | B::ShadingRateKHR) => Constant(0),
+        (Stage::Fragment, false, B::Layer | B::ViewportIndex) => Constant(0),
+        (_, false, B::ViewIndex) => Constant(0),
+        (Stage::Fragment, true, B::FragDepth) => Kernel("tw_FragDepth"),
+        (Stage::Fragment, true, B::FragStencilRefEXT) => Kernel("tw_FragStencilRef"),
+        (Stage::Fragment, true, B::SampleMask) => Keep,
+        (_, false, B::SubgroupSize | B::SubgroupLocalInvocationId) => Compute,
+        (_, false, B::SubgroupEqMask | B::SubgroupGeMask | B::SubgroupGtMask) => Compute,
+        (_, false, B::SubgroupLeMask | B::SubgroupLtMask) => Compute,
+        _ => return Err(refusal(output, built_in)),
+    })
+}
+
+/// The sentence for a built-in that is out of reach.
+pub(super) fn refusal(output: bool, built_in: BuiltIn) -> String {
+    let what = if output { "writes" } else { "reads" };
+    format!("it {what} the built-in {built_in:?}, which is out of reach")
+}

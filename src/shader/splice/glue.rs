@@ -1,0 +1,282 @@
+//! The body of `tw_user_main`: what comes before and after the user's entry point.
+//!
+//! First the table indices of the draw's resources, the initial values of the user's variables (a
+//! kernel may call the stub many times), built-ins, and inputs, location by location through the
+//! kernel's hooks. Then the user's code. Then outputs, as bits. Compilers drop what the user's code
+//! does not read.
+
+use super::{
+    builtins::Source,
+    hooks::Hooks,
+    import::{Imported, Port, PortKind},
+    linker::{Code, Linker, id, literal},
+};
+use crate::shader::{Interpolation, Scalar, Stage, interface::Leaf, module::Outcome};
+use rspirv::{
+    dr::{Block, Instruction, Operand},
+    spirv::{BuiltIn, Decoration, Op, StorageClass, Word},
+};
+use std::collections::HashSet;
+
+/// Replaces the stub's body. `indices` are the private variables for `tw_resource(i)`, in the order
+/// of the table's variables.
+pub(super) fn write(
+    linker: &mut Linker,
+    hooks: &Hooks,
+    stage: Stage,
+    imported: &Imported,
+    indices: &[Word],
+) -> Outcome<()> {
+    let mut glue = Glue { code: Code::new(linker), hooks, stage };
+    glue.resources(imported, indices)?;
+    for &(variable, value) in &imported.initial {
+        glue.code.store(variable, value);
+    }
+    for port in imported.ports.iter().filter(|p| !p.output) {
+        glue.input(port)?;
+    }
+    let void = glue.code.linker.void();
+    glue.code.call(void, imported.entry, &[]);
+    for port in imported.ports.iter().filter(|p| p.output) {
+        glue.output(port)?;
+    }
+    glue.code.effect(Op::Return, vec![]);
+    let body = glue.code.instructions;
+    replace_stub(linker, hooks.function("tw_user_main(")?, body)
+}
+
+struct Glue<'a> {
+    code: Code<'a>,
+    hooks: &'a Hooks,
+    stage: Stage,
+}
+
+impl Glue<'_> {
+    fn resources(&mut self, imported: &Imported, indices: &[Word]) -> Outcome<()> {
+        for ((_, element), &index) in imported.elements.iter().zip(indices) {
+            let hook = self.hooks.function("tw_resource(u1;")?;
+            let number = self.code.linker.uint_constant(element.number);
+            let uint = self.code.linker.uint();
+            let place = self.code.call(uint, hook, &[number]);
+            self.code.store(index, place);
+        }
+        Ok(())
+    }
+
+    fn input(&mut self, port: &Port) -> Outcome<()> {
+        match &port.kind {
+            PortKind::Leaves(leaves) => {
+                leaves.iter().try_for_each(|leaf| self.input_leaf(port.variable, leaf))
+            }
+            PortKind::BuiltIn(built_in, source) => {
+                let value = self.built_in_value(port.ty, *built_in, *source)?;
+                self.code.store(port.variable, value);
+                Ok(())
+            }
+            PortKind::Block(_) => Err("an input block of built-ins".into()),
+        }
+    }
+
+    fn built_in_value(&mut self, ty: Word, built_in: BuiltIn, source: Source) -> Outcome<Word> {
+        match source {
+            Source::Kernel(name) | Source::KernelAtStart(name) => {
+                let (variable, kernel_ty) = self.kernel_variable(name)?;
+                let value = self.code.load(kernel_ty, variable);
+                self.as_type(ty, value, built_in)
+            }
+            Source::Constant(0) => Ok(self.code.linker.null(ty)),
+            Source::Constant(bits) => {
+                let (scalar, count) = self.code.linker.components(ty);
+                let one = self.code.linker.declare(Op::Constant, Some(scalar), vec![literal(bits)]);
+                let all = vec![id(one); count as usize];
+                Ok(self.code.linker.declare(Op::ConstantComposite, Some(ty), all))
+            }
+            Source::Coverage => {
+                let helper = self.hooks.helper(self.code.linker)?;
+                let bool = self.code.linker.bool();
+                let helper = self.code.load(bool, helper);
+                let element = self.element(ty)?;
+                let none = self.code.linker.null(element);
+                let one = self.code.linker.declare(Op::Constant, Some(element), vec![literal(1)]);
+                let operands = vec![id(helper), id(none), id(one)];
+                let mask = self.code.emit(Op::Select, element, operands);
+                Ok(self.code.emit(Op::CompositeConstruct, ty, vec![id(mask)]))
+            }
+            Source::Compute => {
+                let (variable, kernel_ty) = self.compute_built_in(ty, built_in);
+                let value = self.code.load(kernel_ty, variable);
+                self.as_type(ty, value, built_in)
+            }
+            Source::Keep => Err(format!("it reads {built_in:?}")),
+        }
+    }
+
+    /// The element type of `gl_SampleMaskIn`, of which one sample per pixel needs one element.
+    fn element(&self, ty: Word) -> Outcome<Word> {
+        match self.code.linker.global(ty)?.operands.as_slice() {
+            [Operand::IdRef(element), Operand::IdRef(length)]
+                if self.code.linker.global(*length)?.operands == [literal(1)] =>
+            {
+                Ok(*element)
+            }
+            _ => Err("a sample mask of more than 32 samples".into()),
+        }
+    }
+
+    fn kernel_variable(&self, name: &str) -> Outcome<(Word, Word)> {
+        let found = self.hooks.variable(self.code.linker, name);
+        found.ok_or_else(|| format!("the kernel has no variable {name}"))
+    }
+
+    /// Languages differ in the sign of integers.
+    fn as_type(&mut self, ty: Word, value: Word, built_in: BuiltIn) -> Outcome<Word> {
+        let linker = &self.code.linker;
+        let from = linker.type_of(value)?;
+        let (a, b) = (linker.components(from), linker.components(ty));
+        let integers = linker.op(a.0) == Some(Op::TypeInt) && linker.op(b.0) == Some(Op::TypeInt);
+        if from != ty && !(integers && a.1 == b.1) {
+            return Err(format!("the built-in {built_in:?} with an unusual type"));
+        }
+        self.code.bitcast(ty, value)
+    }
+
+    /// A built-in that compute shaders have too: the kernel's own variable of it, or a new one.
+    fn compute_built_in(&mut self, ty: Word, built_in: BuiltIn) -> (Word, Word) {
+        let linker = &mut self.code.linker;
+        let wanted = [Operand::Decoration(Decoration::BuiltIn), Operand::BuiltIn(built_in)];
+        let annotations = linker.module.annotations.iter();
+        let found = annotations
+            .filter(|i| i.class.opcode == Op::Decorate && i.operands[1..] == wanted)
+            .filter_map(|i| i.operands[0].id_ref_any())
+            .find_map(|v| linker.pointee(linker.type_of(v).ok()?).map(|(_, ty)| (v, ty)));
+        if let Some(found) = found {
+            return found;
+        }
+        let pointer = linker.pointer(StorageClass::Input, ty);
+        let class = vec![Operand::StorageClass(StorageClass::Input)];
+        let variable = linker.declare_new(Op::Variable, Some(pointer), class);
+        let operands = [id(variable)].into_iter().chain(wanted).collect();
+        linker.module.annotations.push(Instruction::new(Op::Decorate, None, None, operands));
+        (variable, ty)
+    }
+
+    fn input_leaf(&mut self, variable: Word, leaf: &Leaf) -> Outcome<()> {
+        let v = leaf.varying;
+        let hook = match (self.stage, v.scalar, v.interpolation) {
+            (Stage::Vertex, Scalar::Float, _) => "tw_attribute_float(u1;",
+            (Stage::Vertex, ..) => "tw_attribute_uint(u1;",
+            (Stage::Fragment, _, Interpolation::Flat) => "tw_input_flat(u1;",
+            (Stage::Fragment, _, Interpolation::NoPerspective) => "tw_input_noperspective(u1;",
+            (Stage::Fragment, ..) => "tw_input_smooth(u1;",
+        };
+        let hook = self.hooks.function(hook)?;
+        let code = &mut self.code;
+        let float = v.scalar == Scalar::Float
+            && (self.stage == Stage::Vertex || v.interpolation != Interpolation::Flat);
+        let scalar = if float { code.linker.float() } else { code.linker.uint() };
+        let all = code.linker.vector(scalar, 4);
+        let location = code.linker.uint_constant(v.location);
+        let value = code.call(all, hook, &[location]);
+        let value = code.swizzle(scalar, value, v.component, v.count);
+        let value = code.bitcast(leaf.ty, value)?;
+        let place = code.part(variable, StorageClass::Private, leaf.ty, &leaf.path);
+        code.store(place, value);
+        Ok(())
+    }
+
+    fn output(&mut self, port: &Port) -> Outcome<()> {
+        match &port.kind {
+            PortKind::Leaves(leaves) => {
+                leaves.iter().try_for_each(|leaf| self.output_leaf(port.variable, leaf))
+            }
+            PortKind::BuiltIn(built_in, source) => {
+                self.built_in_output(port.variable, port.ty, *built_in, *source)
+            }
+            PortKind::Block(members) => {
+                members.iter().try_for_each(|&(n, ty, built_in, source)| {
+                    let member = self.code.part(port.variable, StorageClass::Private, ty, &[n]);
+                    self.built_in_output(member, ty, built_in, source)
+                })
+            }
+        }
+    }
+
+    fn built_in_output(
+        &mut self,
+        pointer: Word,
+        ty: Word,
+        built_in: BuiltIn,
+        source: Source,
+    ) -> Outcome<()> {
+        match source {
+            Source::Kernel(name) => {
+                let (variable, kernel_ty) = self.kernel_variable(name)?;
+                let value = self.code.load(ty, pointer);
+                let value = self.as_type(kernel_ty, value, built_in)?;
+                self.code.store(variable, value);
+                Ok(())
+            }
+            Source::Keep => self.keep_samples(pointer, ty),
+            _ => Err(format!("it writes {built_in:?}")),
+        }
+    }
+
+    /// A fragment whose mask leaves out the only sample is discarded.
+    fn keep_samples(&mut self, pointer: Word, ty: Word) -> Outcome<()> {
+        let element = self.element(ty)?;
+        let helper = self.hooks.helper(self.code.linker)?;
+        let code = &mut self.code;
+        let place = code.part(pointer, StorageClass::Private, element, &[0]);
+        let mask = code.load(element, place);
+        let one = code.linker.declare(Op::Constant, Some(element), vec![literal(1)]);
+        let none = code.linker.null(element);
+        let bool = code.linker.bool();
+        let first = code.emit(Op::BitwiseAnd, element, vec![id(mask), id(one)]);
+        let dropped = code.emit(Op::IEqual, bool, vec![id(first), id(none)]);
+        let already = code.load(bool, helper);
+        let helps = code.emit(Op::LogicalOr, bool, vec![id(already), id(dropped)]);
+        code.store(helper, helps);
+        Ok(())
+    }
+
+    fn output_leaf(&mut self, variable: Word, leaf: &Leaf) -> Outcome<()> {
+        let hook = self.hooks.function("tw_output(u1;u1;u1;vu4;")?;
+        let code = &mut self.code;
+        let v = leaf.varying;
+        let place = code.part(variable, StorageClass::Private, leaf.ty, &leaf.path);
+        let value = code.load(leaf.ty, place);
+        let uint = code.linker.uint();
+        let (some, all) = (code.linker.vector(uint, v.count), code.linker.vector(uint, 4));
+        let mut bits = code.bitcast(some, value)?;
+        if v.count < 4 {
+            let zero = code.linker.uint_constant(0);
+            let mut parts = vec![id(bits)];
+            parts.resize(1 + 4 - v.count as usize, id(zero));
+            bits = code.emit(Op::CompositeConstruct, all, parts);
+        }
+        let void = code.linker.void();
+        let [location, component, count] =
+            [v.location, v.component, v.count].map(|n| code.linker.uint_constant(n));
+        code.call(void, hook, &[location, component, count, bits]);
+        Ok(())
+    }
+}
+
+/// Gives the stub a new body and drops names and decorations of the old one.
+fn replace_stub(linker: &mut Linker, stub: Word, body: Vec<Instruction>) -> Outcome<()> {
+    let label = Instruction::new(Op::Label, None, Some(linker.id()), vec![]);
+    let functions = &mut linker.module.functions;
+    let stub = functions.iter_mut().find(|f| f.def_id() == Some(stub));
+    let stub = stub.ok_or("the kernel's tw_user_main is no function")?;
+    let gone: HashSet<Word> = (stub.blocks.iter())
+        .flat_map(|b| b.label.iter().chain(&b.instructions))
+        .filter_map(|i| i.result_id)
+        .collect();
+    stub.blocks = vec![Block { label: Some(label), instructions: body }];
+    let stays = |i: &Instruction| {
+        i.operands.first().and_then(Operand::id_ref_any).is_none_or(|id| !gone.contains(&id))
+    };
+    linker.module.debug_names.retain(stays);
+    linker.module.annotations.retain(stays);
+    Ok(())
+}

@@ -1,0 +1,133 @@
+//! Helpers change no memory: stores, atomics and image writes run under "is no helper".
+//!
+//! A block with such an instruction is cut in two around it, and the instruction gets a block of its
+//! own. A result that only that block computes is zero for helpers. The header of a loop must begin
+//! with its phis and end with its merge instruction, so its other instructions move to a block behind
+//! it first.
+
+use super::{
+    flow,
+    linker::{Linker, id},
+};
+use crate::shader::reflect;
+use rspirv::{
+    dr::{Block, Function, Instruction, Operand},
+    spirv::{Op, SelectionControl, StorageClass, Word},
+};
+use std::collections::HashMap;
+
+/// Guards every side effect in `functions` by the kernel's flag `helper`.
+pub(super) fn lower(linker: &mut Linker, functions: &mut [Function], helper: Word) {
+    for function in functions {
+        Guard { linker, helper, blocks: Vec::new(), tails: HashMap::new(), fresh: Vec::new() }
+            .function(function);
+    }
+}
+
+struct Guard<'l> {
+    linker: &'l mut Linker,
+    helper: Word,
+    blocks: Vec<Block>,
+    /// Label of a block's last piece by the label of the block.
+    tails: HashMap<Word, Word>,
+    /// Phis made here.
+    fresh: Vec<Word>,
+}
+
+impl Guard<'_> {
+    fn function(mut self, function: &mut Function) {
+        for block in std::mem::take(&mut function.blocks) {
+            if block.instructions.iter().any(|i| self.has_effect(i)) {
+                self.block(block);
+            } else {
+                self.blocks.push(block);
+            }
+        }
+        function.blocks = self.blocks;
+        flow::rename_predecessors(function, &self.tails, &self.fresh);
+    }
+
+    fn has_effect(&self, instruction: &Instruction) -> bool {
+        let op = instruction.class.opcode;
+        if op == Op::ImageWrite || (reflect::is_atomic(op) && op != Op::AtomicLoad) {
+            return true;
+        }
+        let class = (instruction.operands.first().and_then(Operand::id_ref_any))
+            .and_then(|pointer| self.linker.type_of(pointer).ok())
+            .and_then(|ty| self.linker.pointee(ty));
+        matches!(op, Op::Store | Op::CopyMemory)
+            && matches!(
+                class,
+                Some((StorageClass::StorageBuffer | StorageClass::PhysicalStorageBuffer, _))
+            )
+    }
+
+    fn block(&mut self, mut block: Block) {
+        let original = block.label_id();
+        let mut instructions = std::mem::take(&mut block.instructions);
+        let mut current = block;
+        let is_loop = |i: &Instruction| i.class.opcode == Op::LoopMerge;
+        if let Some(merge) = instructions.iter().position(is_loop) {
+            let merge = instructions.remove(merge);
+            let phis = instructions.iter().take_while(|i| i.class.opcode == Op::Phi).count();
+            let rest = instructions.split_off(phis);
+            let body = self.linker.id();
+            current.instructions = instructions;
+            current.instructions.push(merge);
+            self.finish(&mut current, branch(body), body);
+            instructions = rest;
+        }
+        for instruction in instructions {
+            if self.has_effect(&instruction) {
+                self.guarded(&mut current, instruction);
+            } else {
+                current.instructions.push(instruction);
+            }
+        }
+        if let (Some(original), Some(tail)) = (original, current.label_id())
+            && original != tail
+        {
+            self.tails.insert(original, tail);
+        }
+        self.blocks.push(current);
+    }
+
+    /// Ends `current` with `last` and begins the next piece under `label`.
+    fn finish(&mut self, current: &mut Block, last: Instruction, label: Word) {
+        current.instructions.push(last);
+        let next = Block { label: Some(label_of(label)), instructions: Vec::new() };
+        self.blocks.push(std::mem::replace(current, next));
+    }
+
+    fn guarded(&mut self, current: &mut Block, mut instruction: Instruction) {
+        let bool = self.linker.bool();
+        let (before, inside, after) = (current.label_id(), self.linker.id(), self.linker.id());
+        let helps = self.linker.value(bool);
+        let load = Instruction::new(Op::Load, Some(bool), Some(helps), vec![id(self.helper)]);
+        let control = Operand::SelectionControl(SelectionControl::NONE);
+        let merge = Instruction::new(Op::SelectionMerge, None, None, vec![id(after), control]);
+        current.instructions.extend([load, merge]);
+        let targets = vec![id(helps), id(after), id(inside)];
+        let choice = Instruction::new(Op::BranchConditional, None, None, targets);
+        self.finish(current, choice, inside);
+        let result = instruction.result_type.zip(instruction.result_id);
+        let computed = result.map(|(ty, _)| self.linker.value(ty));
+        instruction.result_id = computed;
+        current.instructions.push(instruction);
+        self.finish(current, branch(after), after);
+        if let (Some((ty, result)), Some(computed), Some(before)) = (result, computed, before) {
+            let zero = self.linker.null(ty);
+            let operands = vec![id(computed), id(inside), id(zero), id(before)];
+            current.instructions.push(Instruction::new(Op::Phi, Some(ty), Some(result), operands));
+            self.fresh.push(result);
+        }
+    }
+}
+
+fn branch(label: Word) -> Instruction {
+    Instruction::new(Op::Branch, None, None, vec![id(label)])
+}
+
+fn label_of(label: Word) -> Instruction {
+    Instruction::new(Op::Label, None, Some(label), vec![])
+}

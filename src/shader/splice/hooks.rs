@@ -1,0 +1,76 @@
+//! The kernel's side of the seam: functions and variables whose names begin with `tw_`.
+//!
+//! A kernel is ordinary GLSL. It calls the empty function `tw_user_main`, whose body is replaced, and
+//! defines what that body will need. glslang names functions with their parameter types
+//! (`tw_ddx(vf2;`), takes `const in` parameters by value, and drops functions that nothing calls, so
+//! a kernel's stub calls every hook once.
+//!
+//! | hook | stage | what it is |
+//! |---|---|---|
+//! | `void tw_user_main()` | both | the stub |
+//! | `uint tw_resource(const in uint i)` | both | table index of the shader's resource `i` |
+//! | `void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value)` | both | takes an output's bits |
+//! | `vec4 tw_attribute_float(const in uint location)` | vertex | an attribute as floats |
+//! | `uvec4 tw_attribute_uint(const in uint location)` | vertex | an integer attribute's bits |
+//! | `vec4 tw_input_smooth(const in uint location)` | fragment | interpolated with perspective |
+//! | `vec4 tw_input_noperspective(const in uint location)` | fragment | interpolated on the screen |
+//! | `uvec4 tw_input_flat(const in uint location)` | fragment | the provoking vertex's bits |
+//! | `T tw_ddx(const in T)`, `T tw_ddy(const in T)` | fragment | differences within the quad, for `float` to `vec4` |
+//! | `bool tw_HelperInvocation` | fragment | set by the kernel before the call, and by `discard` |
+//! | `tw_Position` and other built-ins | both | see [`super::builtins`] |
+
+use super::linker::Linker;
+use crate::shader::module::Outcome;
+use rspirv::{
+    dr::{Module, Operand},
+    spirv::{Op, Word},
+};
+use std::collections::HashMap;
+
+/// The kernel's hooks by name.
+pub(super) struct Hooks {
+    functions: HashMap<String, Word>,
+    variables: HashMap<String, Word>,
+    /// The kernel's entry point.
+    pub entry: Word,
+}
+
+impl Hooks {
+    /// Finds the hooks of a kernel.
+    pub fn new(kernel: &Module) -> Outcome<Self> {
+        let (mut functions, mut variables) = (HashMap::new(), HashMap::new());
+        for name in kernel.debug_names.iter().filter(|i| i.class.opcode == Op::Name) {
+            if let [Operand::IdRef(target), Operand::LiteralString(text)] = name.operands.as_slice()
+                && text.starts_with("tw_")
+            {
+                let list = if text.contains('(') { &mut functions } else { &mut variables };
+                list.insert(text.clone(), *target);
+            }
+        }
+        let entry = match kernel.entry_points.as_slice() {
+            [only] => only.operands.get(1).and_then(Operand::id_ref_any),
+            _ => None,
+        };
+        let entry = entry.ok_or("the kernel has not exactly one entry point")?;
+        Ok(Self { functions, variables, entry })
+    }
+
+    /// A function by its name and glslang's codes of its parameters.
+    pub fn function(&self, name: &str) -> Outcome<Word> {
+        let found = self.functions.get(name).copied();
+        found.ok_or_else(|| format!("the kernel has no function {name}"))
+    }
+
+    /// A variable and the type of its value.
+    pub fn variable(&self, linker: &Linker, name: &str) -> Option<(Word, Word)> {
+        let &variable = self.variables.get(name)?;
+        let (_, ty) = linker.pointee(linker.type_of(variable).ok()?)?;
+        Some((variable, ty))
+    }
+
+    /// `tw_HelperInvocation`.
+    pub fn helper(&self, linker: &Linker) -> Outcome<Word> {
+        let found = self.variable(linker, "tw_HelperInvocation");
+        Ok(found.ok_or("the kernel has no variable tw_HelperInvocation")?.0)
+    }
+}

@@ -1,0 +1,182 @@
+//! What a user's module may declare: lists of what is handled, everything else is refused.
+//!
+//! SPIR-V grows by capabilities, and each may change what known instructions mean. So an unknown
+//! one is an error that names it, and the same holds for extensions, execution modes and
+//! decorations. What is on a list is kept for the compute kernel, replaced, or dropped because the
+//! splicer has lowered what it stands for.
+
+use rspirv::spirv::{Capability, Decoration, ExecutionMode};
+
+/// What becomes of a declared capability.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fate {
+    /// The kernel declares it too; `Some` names the device feature that it needs.
+    Keep(Option<&'static str>),
+    /// The kernel declares another one.
+    Replace(Capability, Option<&'static str>),
+    /// It means nothing in a kernel; `Some` names the feature that a graphics pipeline needs.
+    Drop(Option<&'static str>),
+    /// Out of reach.
+    Refuse,
+}
+
+/// What becomes of `capability`.
+pub(crate) fn capability(capability: Capability) -> Fate {
+    use Capability as C;
+    use Fate::{Drop, Keep, Refuse, Replace};
+    match capability {
+        C::Matrix | C::Shader | C::Sampled1D | C::Image1D | C::ImageQuery => Keep(None),
+        C::DerivativeControl => Keep(None),
+        C::GroupNonUniform
+        | C::GroupNonUniformVote
+        | C::GroupNonUniformArithmetic
+        | C::GroupNonUniformBallot
+        | C::GroupNonUniformShuffle
+        | C::GroupNonUniformQuad => Keep(None),
+        C::GroupNonUniformShuffleRelative => Keep(Some("subgroup shuffle relative operations")),
+        C::GroupNonUniformClustered => Keep(Some("subgroup clustered operations")),
+        // The table's own.
+        C::ShaderNonUniform
+        | C::RuntimeDescriptorArray
+        | C::SampledImageArrayDynamicIndexing
+        | C::SampledImageArrayNonUniformIndexing
+        | C::StorageBufferArrayDynamicIndexing
+        | C::StorageBufferArrayNonUniformIndexing
+        | C::StorageImageArrayDynamicIndexing
+        | C::StorageImageArrayNonUniformIndexing => Keep(None),
+        C::UniformBufferArrayDynamicIndexing => Replace(C::StorageBufferArrayDynamicIndexing, None),
+        C::UniformBufferArrayNonUniformIndexing => {
+            Replace(C::StorageBufferArrayNonUniformIndexing, None)
+        }
+        C::ImageGatherExtended => Keep(Some("shaderImageGatherExtended")),
+        C::SampledCubeArray | C::ImageCubeArray => Keep(Some("imageCubeArray")),
+        C::StorageImageExtendedFormats => Keep(Some("shaderStorageImageExtendedFormats")),
+        C::StorageImageReadWithoutFormat => Keep(Some("shaderStorageImageReadWithoutFormat")),
+        C::StorageImageWriteWithoutFormat => Keep(Some("shaderStorageImageWriteWithoutFormat")),
+        C::StorageImageMultisample | C::ImageMSArray => Keep(Some("shaderStorageImageMultisample")),
+        C::MinLod => Keep(Some("shaderResourceMinLod")),
+        C::Float64 => Keep(Some("shaderFloat64")),
+        C::Float16 => Keep(Some("shaderFloat16")),
+        C::Int64 => Keep(Some("shaderInt64")),
+        C::Int16 => Keep(Some("shaderInt16")),
+        C::Int8 => Keep(Some("shaderInt8")),
+        C::Int64Atomics => Keep(Some("shaderBufferInt64Atomics")),
+        C::StorageBuffer16BitAccess => Keep(Some("storageBuffer16BitAccess")),
+        C::UniformAndStorageBuffer16BitAccess | C::StoragePushConstant16 => {
+            Replace(C::StorageBuffer16BitAccess, Some("storageBuffer16BitAccess"))
+        }
+        C::StorageBuffer8BitAccess => Keep(Some("storageBuffer8BitAccess")),
+        C::UniformAndStorageBuffer8BitAccess | C::StoragePushConstant8 => {
+            Replace(C::StorageBuffer8BitAccess, Some("storageBuffer8BitAccess"))
+        }
+        C::PhysicalStorageBufferAddresses => Keep(Some("bufferDeviceAddress")),
+        C::DotProduct | C::DotProductInputAll | C::DotProductInput4x8Bit => {
+            Keep(Some("shaderIntegerDotProduct"))
+        }
+        C::DotProductInput4x8BitPacked => Keep(Some("shaderIntegerDotProduct")),
+        // What they stand for is lowered, or refused where it is used.
+        C::DemoteToHelperInvocation | C::SampledBuffer | C::ImageBuffer | C::InputAttachment => {
+            Drop(None)
+        }
+        C::StorageInputOutput16 => Drop(Some("storageInputOutput16")),
+        C::Geometry => Drop(Some("geometryShader")),
+        C::Tessellation => Drop(Some("tessellationShader")),
+        C::MultiViewport => Drop(Some("multiViewport")),
+        C::ClipDistance => Drop(Some("shaderClipDistance")),
+        C::CullDistance => Drop(Some("shaderCullDistance")),
+        C::SampleRateShading | C::InterpolationFunction => Drop(Some("sampleRateShading")),
+        C::DrawParameters => Drop(Some("shaderDrawParameters")),
+        C::MultiView => Drop(Some("multiview")),
+        C::ShaderViewportIndexLayerEXT | C::ShaderLayer => Drop(Some("shaderOutputLayer")),
+        C::ShaderViewportIndex => Drop(Some("shaderOutputViewportIndex")),
+        C::FragmentShadingRateKHR => Drop(Some("pipelineFragmentShadingRate")),
+        C::FragmentBarycentricKHR => Drop(Some("fragmentShaderBarycentric")),
+        _ => Refuse,
+    }
+}
+
+/// Whether an extension is kept (`Some(true)`), dropped (`Some(false)`) or refused.
+pub(super) fn extension(name: &str) -> Option<bool> {
+    match name {
+        "SPV_KHR_storage_buffer_storage_class"
+        | "SPV_EXT_descriptor_indexing"
+        | "SPV_KHR_16bit_storage"
+        | "SPV_KHR_8bit_storage"
+        | "SPV_KHR_physical_storage_buffer"
+        | "SPV_EXT_physical_storage_buffer"
+        | "SPV_KHR_integer_dot_product"
+        | "SPV_KHR_no_integer_wrap_decoration" => Some(true),
+        "SPV_EXT_demote_to_helper_invocation"
+        | "SPV_KHR_terminate_invocation"
+        | "SPV_KHR_relaxed_extended_instruction"
+        | "SPV_KHR_multiview"
+        | "SPV_KHR_shader_draw_parameters"
+        | "SPV_EXT_shader_viewport_index_layer"
+        | "SPV_KHR_fragment_shading_rate"
+        | "SPV_KHR_fragment_shader_barycentric"
+        | "SPV_GOOGLE_decorate_string"
+        | "SPV_GOOGLE_hlsl_functionality1"
+        | "SPV_GOOGLE_user_type" => Some(false),
+        _ => None,
+    }
+}
+
+/// Whether the engine does what an execution mode asks for. Early tests and depth are reflected;
+/// the promises about written depth need nothing.
+pub(super) fn execution_mode(mode: ExecutionMode) -> bool {
+    matches!(
+        mode,
+        ExecutionMode::OriginUpperLeft
+            | ExecutionMode::EarlyFragmentTests
+            | ExecutionMode::DepthReplacing
+            | ExecutionMode::DepthGreater
+            | ExecutionMode::DepthLess
+            | ExecutionMode::DepthUnchanged
+    )
+}
+
+/// Whether a decoration is kept (`Some(true)`), dropped (`Some(false)`) or refused.
+pub(super) fn decoration(decoration: Decoration) -> Option<bool> {
+    use Decoration as D;
+    match decoration {
+        D::SpecId
+        | D::Block
+        | D::RowMajor
+        | D::ColMajor
+        | D::ArrayStride
+        | D::MatrixStride
+        | D::Offset
+        | D::NoContraction
+        | D::NonUniform
+        | D::Restrict
+        | D::Aliased
+        | D::Volatile
+        | D::Coherent
+        | D::NonWritable
+        | D::NonReadable
+        | D::RestrictPointer
+        | D::AliasedPointer
+        | D::NoSignedWrap
+        | D::NoUnsignedWrap => Some(true),
+        // Handled elsewhere: the interface, the table, `BufferBlock` becomes `Block`. Reduced
+        // precision may always be ignored; one sample has its centroid at the pixel's centre; and
+        // the engine's arithmetic is invariant.
+        D::BuiltIn
+        | D::Location
+        | D::Component
+        | D::Index
+        | D::Flat
+        | D::NoPerspective
+        | D::Centroid
+        | D::Sample
+        | D::Invariant
+        | D::Binding
+        | D::DescriptorSet
+        | D::InputAttachmentIndex
+        | D::BufferBlock
+        | D::RelaxedPrecision
+        | D::UserSemantic
+        | D::UserTypeGOOGLE => Some(false),
+        _ => None,
+    }
+}

@@ -1,0 +1,144 @@
+//! Splicing: a user's shader becomes a function of one of the engine's kernels.
+//!
+//! The kernel is ordinary GLSL, compiled ahead of time, with an empty function `tw_user_main` and
+//! hooks that know where inputs come from and outputs go (the hooks are listed in `hooks.rs`). The
+//! user's module is brought over into the kernel's, declaration by declaration; what belongs to a
+//! graphics pipeline is turned into what compute has; and the stub gets a body that fetches inputs,
+//! calls the user's `main` and hands on its outputs. The user's arithmetic is not touched.
+//!
+//! In order: [`import`], then over the user's functions [`resources`], [`fragment`], [`kill`],
+//! [`derivatives`], [`guard`], [`nonuniform`], then [`glue`], then [`order`].
+//!
+//! Why in SPIR-V: rewriting the source fails on `in` and `out` as parameter qualifiers, on name
+//! clashes and on derivatives, whose types only a compiler knows; the GLSL compiler links no libraries;
+//! going back to GLSL and compiling again costs ten times as much per pipeline.
+//!
+//! What is out of reach is refused with a sentence that names it. The lists in [`limits`] are of what
+//! is handled: an unknown capability, decoration or built-in is an error.
+
+mod builtins;
+mod derivatives;
+mod flow;
+mod fragment;
+mod glue;
+mod guard;
+mod hooks;
+mod import;
+mod kill;
+pub(crate) mod limits;
+mod linker;
+mod nonuniform;
+mod order;
+mod repair;
+mod resources;
+#[cfg(all(test, feature = "glsl"))]
+mod tests;
+
+use super::{
+    Shader, Stage,
+    module::{self, Index, Outcome},
+    usage::Usage,
+};
+use crate::{Error, Result};
+use hooks::Hooks;
+use linker::Linker;
+use rspirv::{
+    binary::Assemble,
+    dr::Operand,
+    spirv::{Op, Word},
+};
+
+/// How a kernel gets derivatives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Derivatives {
+    /// From the device, by `VK_KHR_compute_shader_derivatives` with linear groups.
+    Native,
+    /// From the kernel's `tw_ddx` and `tw_ddy`, by subgroup quad operations.
+    Quad,
+}
+
+/// What splicing depends on beside kernel and shader.
+#[derive(Clone, Copy, Debug)]
+pub struct SpliceOptions<'a> {
+    /// How the kernel gets derivatives.
+    pub derivatives: Derivatives,
+    /// The pipeline's specialization constants: they may be lengths of arrays of inputs and outputs.
+    pub specialization: &'a [(u32, u32)],
+}
+
+/// A kernel with a user's shader in it.
+#[derive(Clone, Debug)]
+pub struct Spliced {
+    /// The module: one compute entry point, the kernel's.
+    pub spirv: Vec<u32>,
+}
+
+/// Splices `shader` into `kernel`, the SPIR-V of one of the engine's kernels.
+///
+/// # Errors
+/// [`Error::Shader`] that names the shader and what is out of reach.
+pub fn splice(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Result<Spliced> {
+    let spirv = link(kernel, shader, options).map_err(|e| Error::shader(&shader.label, e))?;
+    Ok(Spliced { spirv })
+}
+
+fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec<u32>> {
+    let user = module::parse(&shader.spirv)?;
+    let index = Index::new(&user);
+    let usage = Usage::new(&index, shader.stage)?;
+    let kernel = module::parse(kernel)?;
+    let hooks = Hooks::new(&kernel)?;
+    let mut linker = Linker::new(kernel);
+    let kernel_globals = linker.module.types_global_values.len();
+
+    let mut imported = import::import(&mut linker, &hooks, shader, options, &index, &usage)?;
+    let mut functions = std::mem::take(&mut imported.functions);
+    let indices = index_variables(&mut linker, imported.elements.len());
+    resources::lower(&mut linker, &mut functions, &imported.elements, &indices)?;
+    if shader.stage == Stage::Fragment {
+        fragment::lower(&mut linker, &hooks, &mut functions, &imported.attachments)?;
+        if shader.reflection.discards {
+            let helper = hooks.helper(&linker)?;
+            kill::lower(&mut linker, &mut functions, helper)?;
+        }
+    }
+    derivatives::lower(&mut linker, &hooks, shader.stage, options.derivatives, &mut functions)?;
+    if shader.stage == Stage::Fragment && shader.reflection.has_side_effects {
+        let helper = hooks.helper(&linker)?;
+        guard::lower(&mut linker, &mut functions, helper);
+    }
+    nonuniform::mark(&mut linker, &functions, &imported.elements);
+    glue::write(&mut linker, &hooks, shader.stage, &imported, &indices)?;
+    linker.module.functions.append(&mut functions);
+    Ok(finish(linker, kernel_globals, &user))
+}
+
+/// Private variables that hold the table indices of the draw.
+fn index_variables(linker: &mut Linker, count: usize) -> Vec<Word> {
+    let uint = linker.uint();
+    (0..count)
+        .map(|n| {
+            let variable = linker.private(uint);
+            linker.name(variable, format!("table index {n}"));
+            variable
+        })
+        .collect()
+}
+
+/// Completes the entry point's interface and the header, and writes the words.
+fn finish(mut linker: Linker, kernel_globals: usize, user: &rspirv::dr::Module) -> Vec<u32> {
+    let bound = linker.bound();
+    let module = &mut linker.module;
+    let added = module.types_global_values[kernel_globals..].iter();
+    let variables = added.filter(|i| i.class.opcode == Op::Variable).filter_map(|i| i.result_id);
+    let variables: Vec<Operand> = variables.map(Operand::IdRef).collect();
+    if let Some(entry) = module.entry_points.first_mut() {
+        entry.operands.extend(variables);
+    }
+    module.types_global_values = order::sort(std::mem::take(&mut module.types_global_values));
+    if let (Some(header), Some(user)) = (&mut module.header, &user.header) {
+        header.bound = bound;
+        header.version = header.version.max(user.version);
+    }
+    module.assemble()
+}

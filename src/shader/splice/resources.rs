@@ -1,0 +1,214 @@
+//! Resources become elements of the engine's table.
+//!
+//! All resources of all draws live in descriptor set 1, one run-time array per kind. The user's
+//! variable keeps its place in the code and becomes a variable of such an array; each use selects
+//! the element of the current draw, `table[tw_resource(i) + index]`, where `index` is the user's own
+//! index into an array of resources, flattened. The call is made once per invocation, before the
+//! user's code; several variables may share a binding of the table, each with its own type.
+//!
+//! Draws meet in a subgroup, so every access is marked as non-uniform (see [`super::nonuniform`]).
+
+use super::linker::{Code, Linker, id};
+use crate::shader::{
+    ResourceKind,
+    module::{Index, Outcome},
+    reflect,
+};
+use rspirv::{
+    dr::{Block, Function, Instruction, Operand},
+    spirv::{Capability, Decoration, Dim, Op, StorageClass, Word},
+};
+use std::collections::HashMap;
+
+/// The descriptor set of the table.
+pub(super) const SET: u32 = 1;
+
+/// A variable of the table.
+pub(super) struct Element {
+    /// Its place in the shader's list of resources; the push-constant block comes last.
+    pub number: u32,
+    /// Binding in the table's set.
+    binding: u32,
+    class: StorageClass,
+    /// Type of one resource.
+    ty: Word,
+    /// Lengths of the user's arrays, outermost first; the outermost may be unknown.
+    lengths: Vec<Option<Word>>,
+    /// Blocks that were uniform or push-constant blocks.
+    read_only: bool,
+}
+
+/// What the user's variable becomes, with the user's ids.
+pub(super) fn element(
+    index: &Index,
+    variable: Word,
+    class: StorageClass,
+    ty: Word,
+    number: u32,
+) -> Outcome<Element> {
+    if class == StorageClass::PushConstant {
+        let (class, read_only) = (StorageClass::StorageBuffer, true);
+        return Ok(Element { number, binding: 4, class, ty, lengths: Vec::new(), read_only });
+    }
+    let kind = reflect::resource(index, variable, class, ty)?.kind;
+    let (mut lengths, mut element) = (Vec::new(), ty);
+    loop {
+        match index.op(element)? {
+            Op::TypeArray => lengths.push(Some(index.id_operand(element, 1)?)),
+            Op::TypeRuntimeArray => lengths.push(None),
+            _ => break,
+        }
+        element = index.id_operand(element, 0)?;
+    }
+    let image = match index.op(element)? {
+        Op::TypeSampledImage => Some(index.id_operand(element, 0)?),
+        Op::TypeImage => Some(element),
+        _ => None,
+    };
+    if let Some(image) = image
+        && index.def(image)?.operands.get(1) == Some(&Operand::Dim(Dim::DimBuffer))
+    {
+        return Err("buffers as images (samplerBuffer, imageBuffer)".into());
+    }
+    let binding = match kind {
+        ResourceKind::Sampled => 0,
+        ResourceKind::Texture => 1,
+        ResourceKind::Sampler => 2,
+        ResourceKind::StorageImage => 3,
+        ResourceKind::Uniform | ResourceKind::Storage => 4,
+    };
+    let class = if binding == 4 { StorageClass::StorageBuffer } else { class };
+    let read_only = kind == ResourceKind::Uniform;
+    Ok(Element { number, binding, class, ty: element, lengths, read_only })
+}
+
+impl Element {
+    /// The same with ids of the kernel.
+    pub fn map_ids(mut self, mut new: impl FnMut(Word) -> Word) -> Self {
+        self.ty = new(self.ty);
+        for length in self.lengths.iter_mut().flatten() {
+            *length = new(*length);
+        }
+        self
+    }
+
+    /// Declares the variable.
+    pub fn declare(&self, linker: &mut Linker) -> Word {
+        let table = linker.declare(Op::TypeRuntimeArray, None, vec![id(self.ty)]);
+        let pointer = linker.pointer(self.class, table);
+        let class = vec![Operand::StorageClass(self.class)];
+        let variable = linker.declare_new(Op::Variable, Some(pointer), class);
+        linker.decorate(variable, Decoration::DescriptorSet, &[SET]);
+        linker.decorate(variable, Decoration::Binding, &[self.binding]);
+        if self.read_only {
+            linker.decorate(variable, Decoration::NonWritable, &[]);
+        }
+        variable
+    }
+}
+
+/// Makes every use of a table variable a use of the draw's element. `indices` are the private
+/// variables that hold `tw_resource(i)`, in the order of `elements`.
+pub(super) fn lower(
+    linker: &mut Linker,
+    functions: &mut [Function],
+    elements: &[(Word, Element)],
+    indices: &[Word],
+) -> Outcome<()> {
+    let by_variable: HashMap<Word, (&Element, Word)> = (elements.iter().zip(indices))
+        .map(|((variable, element), &index)| (*variable, (element, index)))
+        .collect();
+    for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
+        lower_block(linker, block, &by_variable)?;
+    }
+    Ok(())
+}
+
+fn lower_block(
+    linker: &mut Linker,
+    block: &mut Block,
+    elements: &HashMap<Word, (&Element, Word)>,
+) -> Outcome<()> {
+    let mut code = Code::new(linker);
+    for mut instruction in std::mem::take(&mut block.instructions) {
+        for at in 0..instruction.operands.len() {
+            let Some(&Operand::IdRef(variable)) = instruction.operands.get(at) else { continue };
+            let Some(&(element, index)) = elements.get(&variable) else { continue };
+            let chain =
+                matches!(instruction.class.opcode, Op::AccessChain | Op::InBoundsAccessChain);
+            if chain && at == 0 {
+                select(&mut code, &mut instruction, element, index)?;
+            } else {
+                let pointer = whole(&mut code, variable, element, index)?;
+                instruction.operands[at] = id(pointer);
+            }
+        }
+        code.instructions.push(instruction);
+    }
+    block.instructions = code.instructions;
+    Ok(())
+}
+
+/// Turns the indices of an access chain that select a resource into one index of the table.
+fn select(code: &mut Code, chain: &mut Instruction, element: &Element, index: Word) -> Outcome<()> {
+    let depth = element.lengths.len();
+    let Some(own) = chain.operands.get(1..1 + depth) else {
+        return Err("a part of an array of arrays of resources as a value".into());
+    };
+    let own: Vec<Word> = own.iter().filter_map(Operand::id_ref_any).collect();
+    let uint = code.linker.uint();
+    let mut flat = None;
+    for (n, &word) in own.iter().enumerate() {
+        let word = as_uint(code, word)?;
+        flat = Some(match (flat, element.lengths[n]) {
+            (None, _) => word,
+            (Some(outer), Some(length)) => {
+                let length = as_uint(code, length)?;
+                let rows = code.emit(Op::IMul, uint, vec![id(outer), id(length)]);
+                code.emit(Op::IAdd, uint, vec![id(rows), id(word)])
+            }
+            (Some(_), None) => return Err("a run-time array inside an array of resources".into()),
+        });
+    }
+    let mut place = code.load(uint, index);
+    if let Some(flat) = flat {
+        place = code.emit(Op::IAdd, uint, vec![id(place), id(flat)]);
+    }
+    chain.operands.splice(1..1 + depth, [id(place)]);
+    Ok(())
+}
+
+/// A pointer to the draw's element, for uses other than through an access chain.
+fn whole(code: &mut Code, variable: Word, element: &Element, index: Word) -> Outcome<Word> {
+    if !element.lengths.is_empty() {
+        return Err("an array of resources as a value".into());
+    }
+    let uint = code.linker.uint();
+    let place = code.load(uint, index);
+    let pointer = code.linker.pointer(element.class, element.ty);
+    Ok(code.emit(Op::AccessChain, pointer, vec![id(variable), id(place)]))
+}
+
+/// An index of any integer type as `uint`.
+fn as_uint(code: &mut Code, value: Word) -> Outcome<Word> {
+    let (uint, ty) = (code.linker.uint(), code.linker.type_of(value)?);
+    let width = match code.linker.global(ty)?.operands.first() {
+        Some(Operand::LiteralBit32(width)) => *width,
+        _ => return Err("an index that is no integer".into()),
+    };
+    match width {
+        32 => code.bitcast(uint, value),
+        _ => Ok(code.emit(Op::UConvert, uint, vec![id(value)])),
+    }
+}
+
+impl Element {
+    /// The capability that indexing this kind of resource non-uniformly needs.
+    pub fn indexing(&self) -> Capability {
+        match self.binding {
+            3 => Capability::StorageImageArrayNonUniformIndexing,
+            4 => Capability::StorageBufferArrayNonUniformIndexing,
+            _ => Capability::SampledImageArrayNonUniformIndexing,
+        }
+    }
+}

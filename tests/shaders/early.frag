@@ -1,0 +1,4 @@
+#version 460
+layout(early_fragment_tests) in;
+layout(location = 0) out vec4 color;
+void main() { color = vec4(1.0); }

@@ -1,0 +1,5 @@
+// refused: dual-source
+#version 460
+layout(location = 0) out vec4 color;
+layout(location = 0, index = 1) out vec4 other;
+void main() { color = vec4(1.0); other = vec4(0.5); }
