@@ -1,13 +1,14 @@
 //! Does the device layer do what it promises, on every driver, without a validation message?
 
 use crate::common::{gpu, kernel_spirv, on_each_gpu};
+use std::time::{Duration, Instant};
 use tilewright::{
     Error,
     format::Format,
     image::Extent,
     texture,
     vk::{
-        Buffer, Gpu, Image, ImageInfo, ImageUse, Kernel, KernelInfo, Memory, Recorder,
+        Buffer, Gpu, GpuOptions, Image, ImageInfo, ImageUse, Kernel, KernelInfo, Memory, Recorder,
         ResourceTable, Sampler, doctor,
     },
 };
@@ -178,6 +179,116 @@ fn lanes_of_a_subgroup_read_different_slots_of_the_table() {
         }
         table.clear();
         assert_eq!(table.used(), [0; 5]);
+    });
+}
+
+const ADD: &str = "#version 460
+layout(local_size_x = 64) in;
+layout(binding = 0) buffer Cells { uint cells[]; };
+void main() { cells[gl_GlobalInvocationID.x] = cells[gl_GlobalInvocationID.x] * 3 + 1; }";
+
+fn add(gpu: &Gpu) -> (Kernel, Buffer<u32>) {
+    let spirv = kernel_spirv(ADD);
+    let info = KernelInfo { name: "add", spirv: &spirv, ..KernelInfo::default() };
+    let cells = Buffer::new(gpu, "cells", 64, Memory::Device).unwrap();
+    (Kernel::new(gpu, &info).unwrap(), cells)
+}
+
+#[test]
+fn a_dispatch_sees_what_the_one_before_it_wrote() {
+    on_each_gpu("a dispatch sees what the one before it wrote", |gpu| {
+        let (kernel, cells) = add(gpu);
+        let mut recorder = Recorder::new(gpu, "twice").unwrap();
+        recorder.fill(&cells, 1).unwrap();
+        for _ in 0..2 {
+            recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1]).unwrap();
+        }
+        let read = recorder.download(&cells).unwrap();
+        recorder.submit().unwrap();
+        assert_eq!(read.read().unwrap(), [13; 64]);
+    });
+}
+
+/// Proves that a silent validation layer means something: a hazard that the drivers of this suite
+/// happen to survive is reported.
+#[test]
+fn a_missing_barrier_is_reported_by_the_validation_layer() {
+    let gpu = gpu();
+    let (kernel, cells) = add(&gpu);
+    let mut recorder = Recorder::new(&gpu, "dependent commands in a group").unwrap();
+    let group = |recorder: &mut Recorder| {
+        recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1])?;
+        recorder.download(&cells)
+    };
+    recorder.group(group).unwrap();
+    recorder.submit().unwrap();
+    let messages = gpu.expect_messages();
+    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{messages:?}");
+}
+
+const ENDLESS: &str = "#version 460
+layout(local_size_x = 4) in;
+layout(binding = 0) buffer Cells { uint cells[]; };
+void main() {
+    for (uint i = 0; i < cells[1]; i++) cells[0] = cells[0] * 1664525u + 1013904223u;
+}";
+
+#[test]
+fn a_device_that_does_not_answer_is_lost_and_nothing_hangs() {
+    let options = GpuOptions {
+        device: Some(gpu().info().index.to_string()),
+        validation: true,
+        timeout: Duration::from_millis(20),
+        cache: None,
+        ..GpuOptions::default()
+    };
+    let gpu = Gpu::open(&options).unwrap();
+    let spirv = kernel_spirv(ENDLESS);
+    let info = KernelInfo { name: "endless", spirv: &spirv, ..KernelInfo::default() };
+    let kernel = Kernel::new(&gpu, &info).unwrap();
+    // About a second of work: long against the time-out, short for the suite.
+    let cells = Buffer::upload(&gpu, "cells", &[1u32, 20_000_000]).unwrap();
+    let started = Instant::now();
+    let mut recorder = Recorder::new(&gpu, "endless").unwrap();
+    recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1]).unwrap();
+    let mut recording = recorder.finish().unwrap();
+    let error = recording.run().unwrap_err();
+    assert!(matches!(error, Error::Lost(_)));
+    let text = error.to_string();
+    assert!(text.contains("endless") && text.contains(&gpu.info().name), "{text}");
+    assert!(matches!(recording.run().unwrap_err(), Error::Lost(_)));
+    let next = Recorder::new(&gpu, "next").unwrap().submit().unwrap_err();
+    assert!(matches!(next, Error::Lost(_)));
+    drop((recording, kernel, cells));
+    assert_eq!(gpu.validation_messages(), [""; 0]);
+    drop(gpu);
+    assert!(started.elapsed() < Duration::from_millis(700), "{:?}", started.elapsed());
+}
+
+#[test]
+fn compiled_pipelines_are_kept_on_disk_and_a_broken_file_is_ignored() {
+    on_each_gpu("compiled pipelines are kept on disk and a broken file is ignored", |gpu| {
+        let folder = tempfile::tempdir().unwrap();
+        let options = GpuOptions {
+            device: Some(gpu.info().index.to_string()),
+            validation: true,
+            cache: Some(folder.path().join("new")),
+            ..GpuOptions::default()
+        };
+        let run = || {
+            let gpu = Gpu::open(&options).unwrap();
+            add(&gpu);
+            assert_eq!(gpu.validation_messages(), [""; 0]);
+        };
+        run();
+        let files: Vec<_> = std::fs::read_dir(folder.path().join("new")).unwrap().collect();
+        let [Ok(file)] = &files[..] else { panic!("{files:?}") };
+        let whole = std::fs::read(file.path()).unwrap();
+        for broken in [&b"nonsense"[..], &whole[..whole.len() / 2], &[]] {
+            std::fs::write(file.path(), broken).unwrap();
+            run();
+            assert_eq!(std::fs::read(file.path()).unwrap().len(), whole.len());
+        }
     });
 }
 
