@@ -11,6 +11,8 @@ pub mod grid;
 pub mod image;
 pub mod pass;
 pub mod scene;
+pub mod plan;
+pub mod reference;
 pub mod shader;
 pub mod state;
 pub mod target;

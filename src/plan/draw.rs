@@ -1,0 +1,256 @@
+//! One draw becomes pieces.
+
+use super::{Planner, Ways};
+use crate::{
+    abi::{self, Attribute, Piece},
+    error::{Error, Result},
+    pass::{Draw, Pipeline, StepRate},
+    state::{Blend, Rect, Topology, Viewport},
+};
+use std::ops::Range;
+
+impl Planner<'_> {
+    /// Cuts `draw` into pieces of the open batch and of as many more as it takes.
+    pub(super) fn draw(&mut self, draw: &Draw, ways: Ways) -> Result<()> {
+        let pipeline = self.pass.pipelines[draw.pipeline].clone();
+        let per_instance = pipeline.topology.primitives(draw.count);
+        let total = u64::from(per_instance) * u64::from(draw.instances);
+        if total == 0 {
+            return Ok(());
+        }
+        let total = u32::try_from(total).map_err(|_| {
+            Error::Usage(format!(
+                "a draw of {per_instance} primitives and {} instances has more than 2^32 primitives",
+                draw.instances
+            ))
+        })?;
+        let Some(template) = self.template(draw, &pipeline, ways)? else { return Ok(()) };
+        let mut next = 0;
+        while next < total {
+            let limit = self.limit;
+            let room = limit.primitives - self.batch(ways).primitives;
+            let mut take = room.min(total - next);
+            let (piece, slots) = loop {
+                let (piece, slots) = self.piece(draw, &pipeline, template, next..next + take)?;
+                let words = u64::from(slots) * u64::from(ways.varying_stride);
+                let open = self.batch(ways);
+                let fits = open.vertices + slots <= limit.vertices
+                    && u64::from(open.varying_words) + words <= u64::from(limit.varying_words);
+                if fits {
+                    break (piece, slots);
+                }
+                if open.primitives > 0 {
+                    self.close();
+                } else if take > 1 {
+                    take = take.div_ceil(2);
+                } else {
+                    return Err(Error::Capacity {
+                        what: format!(
+                            "the varyings of one primitive of pipeline `{}`",
+                            pipeline.label
+                        ),
+                        wanted: words * 4,
+                        limit_of: "a batch".into(),
+                        limit: u64::from(limit.varying_words) * 4,
+                        advice: "allow more memory or use fewer varyings".into(),
+                    });
+                }
+            };
+            let open = self.batch(ways);
+            let kernel = open.fragment_kernels.iter().position(|&k| k == ways.fragment_kernel);
+            let kernel = kernel.unwrap_or_else(|| {
+                open.fragment_kernels.push(ways.fragment_kernel);
+                open.fragment_kernels.len() - 1
+            });
+            let piece =
+                Piece { first_primitive: open.primitives, fragment_kernel: kernel as u32, ..piece };
+            open.primitives += take;
+            open.vertices += slots;
+            open.varying_words += slots * ways.varying_stride;
+            open.vertex_needs.push((ways.vertex_kernel, slots));
+            self.plan.pieces.push(piece);
+            next += take;
+        }
+        Ok(())
+    }
+
+    /// What all pieces of a draw have in common; `None` if viewport and scissor leave no pixel.
+    fn template(&mut self, draw: &Draw, pipeline: &Pipeline, ways: Ways) -> Result<Option<Piece>> {
+        let extent = self.pass.extent;
+        let viewport = draw.viewport.unwrap_or(Viewport {
+            x: 0.0,
+            y: 0.0,
+            width: extent.width as f32,
+            height: extent.height as f32,
+            min_depth: 0.0,
+            max_depth: 1.0,
+        });
+        let whole = Rect { x: 0, y: 0, width: extent.width, height: extent.height };
+        let scissor = draw.scissor.unwrap_or(whole);
+        let (left, right) = pixel_span(viewport.x, viewport.width);
+        let (top, bottom) = pixel_span(viewport.y, viewport.height);
+        let last = |start: u32, length: u32, limit: u32| {
+            (u64::from(start) + u64::from(length)).min(u64::from(limit)) as i32 - 1
+        };
+        let rect_min = [left.max(scissor.x as i32), top.max(scissor.y as i32)];
+        let rect_max = [
+            right.min(last(scissor.x, scissor.width, extent.width)),
+            bottom.min(last(scissor.y, scissor.height, extent.height)),
+        ];
+        if rect_min[0] > rect_max[0] || rect_min[1] > rect_max[1] {
+            return Ok(None);
+        }
+        let full = [extent.width as i32 - 1, extent.height as i32 - 1];
+        let scale =
+            [viewport.width / 2.0, viewport.height / 2.0, viewport.max_depth - viewport.min_depth];
+        let offset = [
+            viewport.x + viewport.width / 2.0,
+            viewport.y + viewport.height / 2.0,
+            viewport.min_depth,
+        ];
+        let depth_test = self.pass.depth.is_some() && pipeline.depth.test;
+        let equation = |b: crate::state::BlendEquation| {
+            b.src as u32 | (b.dst as u32) << 4 | (b.op as u32) << 8
+        };
+        let blend = pipeline.blend.unwrap_or(Blend::ALPHA);
+        let (index_slot, index_bytes, first_element) = match &draw.indices {
+            Some(indices) => {
+                let bytes = indices.format.bytes();
+                let skipped = (indices.range.offset / bytes) as u32;
+                (self.slots.buffer(&indices.range.buffer)?, bytes as u32, skipped + draw.first)
+            }
+            None => (abi::NONE, 0, draw.first),
+        };
+        Ok(Some(Piece {
+            primitives_per_instance: pipeline.topology.primitives(draw.count),
+            topology: pipeline.topology as u32,
+            index_slot,
+            index_bytes,
+            first_element,
+            base_vertex: if draw.indices.is_some() { draw.base_vertex } else { 0 },
+            first_instance: draw.first_instance,
+            varying_stride: ways.varying_stride,
+            attribute_base: self.attributes(draw, pipeline)?,
+            vertex_resources: self.resources(&pipeline.vertex, draw)?,
+            fragment_resources: self.resources(&pipeline.fragment, draw)?,
+            cull: pipeline.cull as u32,
+            front_face: pipeline.front_face as u32,
+            scale,
+            offset,
+            guard: [guard(scale[0], offset[0]), guard(scale[1], offset[1])],
+            rect_min,
+            rect_max,
+            cut: u32::from(rect_min != [0, 0] || rect_max != full),
+            depth_test: depth_test.into(),
+            depth_write: (depth_test && pipeline.depth.write).into(),
+            depth_compare: pipeline.depth.compare as u32,
+            blend: pipeline.blend.is_some().into(),
+            blend_color: equation(blend.color),
+            blend_alpha: equation(blend.alpha),
+            ..Piece::default()
+        }))
+    }
+
+    /// One entry for each location the vertex shader might read, in order.
+    fn attributes(&mut self, draw: &Draw, pipeline: &Pipeline) -> Result<u32> {
+        let locations = pipeline.vertex.reflection.inputs.iter().map(|v| v.location + 1).max();
+        let mut list = Vec::new();
+        for location in 0..locations.unwrap_or(0) {
+            let attribute = pipeline.vertex_attributes.iter().find(|a| a.location == location);
+            let Some(attribute) = attribute else {
+                list.push(Attribute { slot: abi::NONE, ..Attribute::default() });
+                continue;
+            };
+            let binding = pipeline.vertex_bindings[attribute.binding as usize];
+            let range = &draw.vertex_buffers[attribute.binding as usize];
+            list.push(Attribute {
+                slot: self.slots.buffer(&range.buffer)?,
+                offset: range.offset as u32 + attribute.offset,
+                stride: binding.stride,
+                component: attribute.format.component as u32,
+                count: attribute.format.count.into(),
+                per_instance: (binding.rate == StepRate::Instance).into(),
+            });
+        }
+        let base = self.plan.attributes.len();
+        let recent = base.saturating_sub(list.len());
+        if self.plan.attributes[recent..] == list[..] {
+            return Ok(recent as u32);
+        }
+        self.plan.attributes.extend(list);
+        Ok(base as u32)
+    }
+
+    /// The piece of `primitives` (counted through the draw's instances) and its vertex slots.
+    fn piece(
+        &mut self,
+        draw: &Draw,
+        pipeline: &Pipeline,
+        template: Piece,
+        primitives: Range<u32>,
+    ) -> Result<(Piece, u32)> {
+        let per_instance = template.primitives_per_instance;
+        let (first, last) = (primitives.start / per_instance, (primitives.end - 1) / per_instance);
+        let within = if first == last {
+            primitives.start - first * per_instance..primitives.end - first * per_instance
+        } else {
+            0..per_instance
+        };
+        let (low, high) = self.vertex_range(draw, pipeline.topology, within);
+        let count = primitives.end - primitives.start;
+        let per_corner = 3 * count;
+        let span = u64::from(high - low) + 1;
+        let ranged = span * u64::from(last - first + 1);
+        let piece = Piece { first_in_draw: primitives.start, ..template };
+        Ok(if ranged <= u64::from(per_corner) {
+            let piece = Piece {
+                vertex_mode: abi::VERTEX_RANGED,
+                vertex_min: low,
+                vertices_per_instance: span as u32,
+                instance_min: first,
+                ..piece
+            };
+            (piece, ranged as u32)
+        } else {
+            (Piece { vertex_mode: abi::VERTEX_PER_CORNER, ..piece }, per_corner)
+        })
+    }
+
+    /// Smallest and largest vertex of the primitives `within` one instance.
+    fn vertex_range(&mut self, draw: &Draw, topology: Topology, within: Range<u32>) -> (u32, u32) {
+        let elements = match topology {
+            Topology::TriangleList => 3 * within.start..3 * within.end,
+            Topology::TriangleStrip => within.start..within.end + 2,
+            Topology::TriangleFan => within.start + 1..within.end + 2,
+        };
+        let mut of = |elements: Range<u32>| match &draw.indices {
+            Some(indices) => {
+                self.ranges.of(indices, draw.first + elements.start..draw.first + elements.end)
+            }
+            None => (draw.first + elements.start, draw.first + elements.end - 1),
+        };
+        let (mut low, mut high) = of(elements);
+        if topology == Topology::TriangleFan {
+            let (hub, _) = of(0..1);
+            (low, high) = (low.min(hub), high.max(hub));
+        }
+        (low, high)
+    }
+}
+
+/// First and last pixel whose centre lies in `start..start + length`.
+fn pixel_span(start: f32, length: f32) -> (i32, i32) {
+    let (low, high) = if length < 0.0 { (start + length, start) } else { (start, start + length) };
+    ((low - 0.5).ceil().max(0.0) as i32, (high - 0.5).ceil() as i32 - 1)
+}
+
+/// The largest power of two that keeps `scale * guard + offset` inside the guard band.
+fn guard(scale: f32, offset: f32) -> f32 {
+    let room = (1 << abi::GUARD_LOG2) as f32 - offset.abs();
+    let most = room / scale.abs();
+    let mut guard = 1.0;
+    while guard * 2.0 <= most && guard < (1 << 20) as f32 {
+        guard *= 2.0;
+    }
+    guard
+}

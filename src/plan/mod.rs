@@ -1,0 +1,335 @@
+//! From a pass to batches: pure arithmetic, no device.
+//!
+//! A pass is a list of draws in API order. The planner cuts it into *pieces*, runs of consecutive
+//! primitives of one draw, and gathers pieces into *batches*, each one sweep of all stages over the
+//! tiles. A batch ends where its buffers could overflow in the worst case ([`Capacities`]), or where
+//! the way of drawing changes:
+//!
+//! * **opaque** work (a depth comparison towards or away from the viewer with write, no blending, no
+//!   discard, no depth export, no side effects) has a result that does not depend on its order and
+//!   goes through visibility;
+//! * everything else is **ordered**, one fragment shader at a time.
+//!
+//! Nothing in a batch needs a decision by the CPU. The number of batches depends on the pass alone,
+//! not on what is seen.
+
+mod draw;
+mod indices;
+
+pub use indices::IndexRanges;
+
+use crate::{
+    abi::{self, Attribute, Piece},
+    error::{Error, Result},
+    grid::Capacities,
+    pass::{Binding, Buffer, Pass, Pipeline},
+    shader::Shader,
+    state::Compare,
+};
+use std::{collections::HashMap, sync::Arc};
+
+/// Where the executor put a resource: gives the planner slots of the resource table.
+pub trait Slots {
+    /// The slot of a whole buffer, for vertices and indices.
+    fn buffer(&mut self, buffer: &Arc<Buffer>) -> Result<u32>;
+    /// The first of consecutive slots of the elements of one shader variable.
+    fn bindings(&mut self, resources: &[Binding]) -> Result<u32>;
+    /// The slot of a push-constant block.
+    fn push_constants(&mut self, bytes: &[u8]) -> Result<u32>;
+}
+
+/// A shader with its specialization: one kernel to build.
+#[derive(Clone, Debug)]
+pub struct KernelKey {
+    /// The shader.
+    pub shader: Arc<Shader>,
+    /// Its specialization constants.
+    pub specialization: Vec<(u32, u32)>,
+}
+
+impl PartialEq for KernelKey {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shader, &other.shader) && self.specialization == other.specialization
+    }
+}
+
+/// How a batch is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Visibility first, then shading; all draws have this depth comparison.
+    Opaque(Compare),
+    /// In API order with one fragment kernel; the depth mode is one of `abi::DEPTH_*`.
+    Ordered {
+        /// Index into [`Plan::fragment_kernels`].
+        kernel: usize,
+        /// When the depth test happens.
+        depth: u32,
+    },
+}
+
+/// One dispatch of the vertex stage: all slots of a batch that one vertex shader fills.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VertexWork {
+    /// Index into [`Plan::vertex_kernels`].
+    pub kernel: usize,
+    /// First of its runs in [`Plan::runs`].
+    pub run_first: u32,
+    /// Its runs.
+    pub run_count: u32,
+    /// First vertex slot.
+    pub slot_first: u32,
+    /// Vertex slots.
+    pub slot_count: u32,
+}
+
+/// One sweep of all stages.
+#[derive(Clone, Debug)]
+pub struct BatchPlan {
+    /// How it is drawn.
+    pub method: Method,
+    /// Primitives.
+    pub primitives: u32,
+    /// First piece in [`Plan::pieces`].
+    pub piece_first: u32,
+    /// Pieces.
+    pub piece_count: u32,
+    /// Vertex slots.
+    pub vertices: u32,
+    /// Words of varyings.
+    pub varying_words: u32,
+    /// Dispatches of the vertex stage.
+    pub vertex_work: Vec<VertexWork>,
+    /// Indices into [`Plan::fragment_kernels`]; a piece's `fragment_kernel` counts in this list.
+    pub fragment_kernels: Vec<usize>,
+}
+
+/// A pass, ready to be recorded.
+#[derive(Debug, Default)]
+pub struct Plan {
+    /// In API order.
+    pub batches: Vec<BatchPlan>,
+    /// All pieces, batch after batch.
+    pub pieces: Vec<Piece>,
+    /// Attributes, [`Piece::attribute_base`] counts here.
+    pub attributes: Vec<Attribute>,
+    /// Pieces in the order of their vertex slots, batch after batch.
+    pub runs: Vec<u32>,
+    /// Table slots, [`Piece::vertex_resources`] and [`Piece::fragment_resources`] count here.
+    pub resource_slots: Vec<u32>,
+    /// Distinct vertex kernels.
+    pub vertex_kernels: Vec<KernelKey>,
+    /// Distinct fragment kernels.
+    pub fragment_kernels: Vec<KernelKey>,
+}
+
+impl Plan {
+    /// Plans `pass`, which has been validated. No batch outgrows `limit`.
+    ///
+    /// # Errors
+    /// What `slots` returns, and [`Error::Capacity`] if a single primitive is too much for `limit`.
+    pub fn new(
+        pass: &Pass,
+        limit: Capacities,
+        ranges: &mut IndexRanges,
+        slots: &mut dyn Slots,
+    ) -> Result<Plan> {
+        let mut planner = Planner { pass, limit, ranges, slots, plan: Plan::default(), open: None };
+        let mut pipelines = HashMap::new();
+        for draw in &pass.draws {
+            let ways = match pipelines.get(&draw.pipeline) {
+                Some(ways) => *ways,
+                None => {
+                    let ways = planner.ways(&pass.pipelines[draw.pipeline]);
+                    pipelines.insert(draw.pipeline, ways);
+                    ways
+                }
+            };
+            planner.draw(draw, ways)?;
+        }
+        planner.close();
+        Ok(planner.plan)
+    }
+
+    /// What the buffers of the largest batch need.
+    pub fn capacities(&self) -> Capacities {
+        let most =
+            |of: fn(&BatchPlan) -> u32| self.batches.iter().map(of).max().unwrap_or(0).max(1);
+        Capacities {
+            primitives: most(|b| b.primitives),
+            vertices: most(|b| b.vertices),
+            varying_words: most(|b| b.varying_words),
+        }
+    }
+}
+
+/// What the planner derives from a pipeline once.
+#[derive(Clone, Copy)]
+struct Ways {
+    method: Method,
+    vertex_kernel: usize,
+    fragment_kernel: usize,
+    varying_stride: u32,
+}
+
+/// A batch that still takes pieces. Vertex slots are given out when it closes.
+struct Open {
+    method: Method,
+    piece_first: u32,
+    primitives: u32,
+    vertices: u32,
+    varying_words: u32,
+    /// For each piece its vertex kernel and vertex slots.
+    vertex_needs: Vec<(usize, u32)>,
+    fragment_kernels: Vec<usize>,
+}
+
+struct Planner<'a> {
+    pass: &'a Pass,
+    limit: Capacities,
+    ranges: &'a mut IndexRanges,
+    slots: &'a mut dyn Slots,
+    plan: Plan,
+    open: Option<Open>,
+}
+
+impl Planner<'_> {
+    fn ways(&mut self, pipeline: &Pipeline) -> Ways {
+        let intern = |kernels: &mut Vec<KernelKey>, shader: &Arc<Shader>| {
+            let key = KernelKey {
+                shader: shader.clone(),
+                specialization: pipeline.specialization.clone(),
+            };
+            kernels.iter().position(|k| *k == key).unwrap_or_else(|| {
+                kernels.push(key);
+                kernels.len() - 1
+            })
+        };
+        let vertex_kernel = intern(&mut self.plan.vertex_kernels, &pipeline.vertex);
+        let fragment_kernel = intern(&mut self.plan.fragment_kernels, &pipeline.fragment);
+        let written = &pipeline.vertex.reflection.outputs;
+        let read = &pipeline.fragment.reflection.inputs;
+        let locations = written.iter().chain(read).map(|v| v.location + 1).max();
+        Ways {
+            method: method(pipeline, self.pass.depth.is_some(), fragment_kernel),
+            vertex_kernel,
+            fragment_kernel,
+            varying_stride: 4 * locations.unwrap_or(0),
+        }
+    }
+
+    /// Ends the open batch: gives its pieces their vertex slots, those of one kernel together.
+    fn close(&mut self) {
+        let Some(open) = self.open.take() else { return };
+        let mut order: Vec<usize> = (0..open.vertex_needs.len()).collect();
+        order.sort_by_key(|&i| open.vertex_needs[i].0);
+        let (mut slot, mut word) = (0, 0);
+        let mut vertex_work: Vec<VertexWork> = Vec::new();
+        for i in order {
+            let (kernel, slots) = open.vertex_needs[i];
+            let run = self.plan.runs.len() as u32;
+            self.plan.runs.push(open.piece_first + i as u32);
+            let piece = &mut self.plan.pieces[open.piece_first as usize + i];
+            piece.vertex_base = slot;
+            piece.varying_base = word;
+            match vertex_work.last_mut() {
+                Some(work) if work.kernel == kernel => {
+                    work.run_count += 1;
+                    work.slot_count += slots;
+                }
+                _ => vertex_work.push(VertexWork {
+                    kernel,
+                    run_first: run,
+                    run_count: 1,
+                    slot_first: slot,
+                    slot_count: slots,
+                }),
+            }
+            slot += slots;
+            word += slots * piece.varying_stride;
+        }
+        self.plan.batches.push(BatchPlan {
+            method: open.method,
+            primitives: open.primitives,
+            piece_first: open.piece_first,
+            piece_count: self.plan.pieces.len() as u32 - open.piece_first,
+            vertices: open.vertices,
+            varying_words: open.varying_words,
+            vertex_work,
+            fragment_kernels: open.fragment_kernels,
+        });
+    }
+
+    /// The open batch for `ways`, a new one if the open one is of another kind or full.
+    fn batch(&mut self, ways: Ways) -> &mut Open {
+        let fits = self.open.as_ref().is_some_and(|open| {
+            open.method == ways.method
+                && open.primitives < self.limit.primitives
+                && (open.fragment_kernels.contains(&ways.fragment_kernel)
+                    || open.fragment_kernels.len() < abi::MAX_FRAGMENT_KERNELS as usize)
+        });
+        if !fits {
+            self.close();
+        }
+        let piece_first = self.plan.pieces.len() as u32;
+        self.open.get_or_insert_with(|| Open {
+            method: ways.method,
+            piece_first,
+            primitives: 0,
+            vertices: 0,
+            varying_words: 0,
+            vertex_needs: Vec::new(),
+            fragment_kernels: Vec::new(),
+        })
+    }
+
+    /// Slots of a shader's resources, the push-constant block last: where they start in the list.
+    fn resources(&mut self, shader: &Shader, draw: &crate::pass::Draw) -> Result<u32> {
+        let mut list = Vec::with_capacity(shader.reflection.resources.len() + 1);
+        for resource in &shader.reflection.resources {
+            let entry = draw
+                .sets
+                .get(resource.set as usize)
+                .and_then(|set| set.entries.iter().find(|e| e.binding == resource.binding));
+            let Some(entry) = entry else {
+                return Err(Error::Usage(format!(
+                    "shader `{}` binds set {}, binding {}, which the draw does not provide",
+                    shader.label, resource.set, resource.binding
+                )));
+            };
+            list.push(self.slots.bindings(&entry.resources)?);
+        }
+        if shader.reflection.push_constant_bytes > 0 {
+            list.push(self.slots.push_constants(&draw.push_constants)?);
+        }
+        let base = self.plan.resource_slots.len();
+        // Draws that follow each other often bind the same.
+        let recent = base.saturating_sub(list.len());
+        if self.plan.resource_slots[recent..] == list[..] {
+            return Ok(recent as u32);
+        }
+        self.plan.resource_slots.extend(list);
+        Ok(base as u32)
+    }
+}
+
+/// How a pipeline is drawn.
+fn method(pipeline: &Pipeline, has_depth: bool, kernel: usize) -> Method {
+    let fragment = &pipeline.fragment.reflection;
+    let keyed = matches!(
+        pipeline.depth.compare,
+        Compare::Less | Compare::LessOrEqual | Compare::Greater | Compare::GreaterOrEqual
+    );
+    let tested = has_depth && pipeline.depth.test && pipeline.depth.write && keyed;
+    let pure = !fragment.discards && !fragment.writes_depth && !fragment.has_side_effects;
+    if tested && pure && pipeline.blend.is_none() {
+        return Method::Opaque(pipeline.depth.compare);
+    }
+    let depth = if fragment.early_fragment_tests {
+        abi::DEPTH_EARLY
+    } else if fragment.writes_depth || fragment.has_side_effects {
+        abi::DEPTH_LATE
+    } else {
+        abi::DEPTH_EARLY_TEST
+    };
+    Method::Ordered { kernel, depth }
+}
