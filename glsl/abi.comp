@@ -6,6 +6,7 @@ layout(scalar, binding = 0) buffer Batches { Batch batches[]; };
 layout(scalar, binding = 1) buffer Pieces { Piece pieces[]; };
 layout(scalar, binding = 2) buffer Attributes { Attribute attributes[]; };
 layout(scalar, binding = 3) buffer Triangles { Triangle triangles[]; };
+layout(scalar, binding = 4) buffer Clears { Clear clears[]; };
 void main() {
-    batches[0].width = pieces[0].first_primitive + attributes[0].slot + triangles[0].flags;
+    batches[0].width = pieces[0].first_primitive + attributes[0].slot + triangles[0].flags + clears[0].pixels;
 }

@@ -28,6 +28,12 @@ struct Batch {
     uint fragment_kernels;
 };
 
+struct Clear {
+    vec4 color;
+    float depth;
+    uint pixels;
+};
+
 struct Piece {
     uint first_primitive;
     uint first_in_draw;

@@ -205,7 +205,7 @@ fn layout_checks(module: &Module) -> String {
     for (id, member, name) in &member_names {
         let struct_name = &struct_names[id];
         // Blocks are plural by convention, the structs inside them are what is shared.
-        if !["Batch", "Piece", "Attribute", "Triangle"].contains(&struct_name.as_str()) {
+        if !["Batch", "Clear", "Piece", "Attribute", "Triangle"].contains(&struct_name.as_str()) {
             continue;
         }
         let Some(offset) = offsets.get(&(*id, *member)) else { continue };

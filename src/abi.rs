@@ -132,6 +132,18 @@ pub struct Batch {
     pub fragment_kernels: u32,
 }
 
+/// What the clear stores: the push constants of its kernel.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Clear {
+    /// Linear RGBA.
+    pub color: [f32; 4],
+    /// Depth.
+    pub depth: f32,
+    /// Pixels of the working buffers.
+    pub pixels: u32,
+}
+
 /// A run of consecutive primitives of one draw inside one batch.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -93,10 +93,10 @@ pub struct Capacities {
 }
 
 impl Capacities {
-    /// Most primitives of a batch: its triangles fill 56 MiB in the worst case.
-    pub const MAX_PRIMITIVES: u32 = 1 << 17;
-    /// Most words of varyings of a batch: 64 MiB.
-    pub const MAX_VARYING_WORDS: u32 = 1 << 24;
+    /// 131,072 primitives: triangles of 56 MiB and lists of 56 MiB if all of them were clipped into
+    /// seven; positions of 6 MiB and varyings of 64 MiB at most.
+    pub const DEFAULT: Self =
+        Self { primitives: 1 << 17, vertices: 3 << 17, varying_words: 1 << 24 };
 
     /// Triangles: each primitive can be clipped into [`abi::MAX_CLIPPED`].
     pub const fn triangles(&self) -> u32 {

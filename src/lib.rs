@@ -5,6 +5,7 @@ pub mod abi;
 pub mod classic;
 pub mod cli;
 pub mod compare;
+pub mod compute;
 pub mod error;
 pub mod format;
 pub mod grid;
@@ -17,6 +18,7 @@ pub mod shader;
 pub mod state;
 pub mod target;
 pub mod texture;
+pub mod trace;
 pub mod vk;
 
 pub use error::{Error, Result};

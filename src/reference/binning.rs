@@ -4,10 +4,11 @@
 //! Contract: a triangle is listed at the finest level at which it touches at most
 //! [`abi::MAX_CELLS`] cells, in each of those; twin of the `glsl/binning_*.comp` kernels.
 
-use super::{Parts, key};
+use super::key;
 use crate::{
     abi::{self, Triangle},
     grid::{CELL_LOG2, Grid},
+    trace::Parts,
 };
 
 /// The keys that each cell lists, ascending.

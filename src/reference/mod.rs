@@ -8,7 +8,11 @@ pub mod binning;
 pub mod primitive;
 pub mod raster;
 
-use crate::{abi, grid::Grid};
+use crate::{
+    abi::{self, Piece},
+    grid::Grid,
+    trace::{BatchTrace, Trace},
+};
 
 /// What the reference needs of one batch.
 #[derive(Clone, Copy)]
@@ -16,21 +20,38 @@ pub struct Input<'a> {
     /// The band.
     pub grid: &'a Grid,
     /// The batch's pieces.
-    pub pieces: &'a [abi::Piece],
+    pub pieces: &'a [Piece],
     /// Number of the first of them, as triangles name it.
     pub piece_first: u32,
     /// Primitives of the batch.
     pub primitives: u32,
     /// Clip-space position of each vertex slot.
     pub positions: &'a [[f32; 4]],
-    /// The value of an index buffer, given by its table slot, at an element.
-    pub index: &'a dyn Fn(u32, u32) -> u32,
+    /// The value of a piece's index buffer at an element.
+    pub index: &'a dyn Fn(&Piece, u32) -> u32,
 }
-
-/// The triangles of one primitive after clipping: the parts, in order.
-pub type Parts = Vec<Option<abi::Triangle>>;
 
 /// The key of part `part` of primitive `primitive` of the batch.
 pub fn key(primitive: usize, part: usize) -> u32 {
     ((primitive as u32 + 1) << abi::KEY_LOG2) | part as u32
+}
+
+/// What every stage of the `number`th batch of `trace` should have written, given the positions and
+/// the depth it started from. Visibility and depth take every fragment for drawn, as if no shader
+/// discarded any or wrote a depth of its own.
+pub fn batch(trace: &Trace, number: usize) -> BatchTrace {
+    let given = &trace.batches[number];
+    let input = Input {
+        grid: &given.grid,
+        pieces: &given.pieces,
+        piece_first: given.piece_first,
+        primitives: given.primitives,
+        positions: &given.positions,
+        index: &|piece, element| trace.index(piece, element).unwrap_or(0),
+    };
+    let triangles = primitive::run(&input);
+    let cells = binning::run(input.grid, &triangles);
+    let mut depth = given.depth_before.clone();
+    let visibility = raster::run(&input, &triangles, &mut depth);
+    BatchTrace { triangles, cells, visibility, depth, ..given.clone() }
 }

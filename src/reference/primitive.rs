@@ -3,10 +3,11 @@
 //! Reads: pieces, indices, clip-space positions. Writes: the triangles of each primitive.
 //! Contract: that of `glsl/primitive.comp`, whose twin this is.
 
-use super::{Input, Parts};
+use super::Input;
 use crate::{
     abi::{self, Piece, Triangle},
     state::{Cull, FrontFace, Topology},
+    trace::Parts,
 };
 
 type Vec4 = [f32; 4];
@@ -60,7 +61,7 @@ fn vertex_slots(input: &Input, piece: &Piece, in_piece: u32) -> [u32; 3] {
         let element = piece.first_element + element;
         let vertex = match piece.index_slot {
             abi::NONE => element,
-            slot => (input.index)(slot, element),
+            _ => (input.index)(piece, element),
         };
         piece.vertex_base
             + (instance - piece.instance_min) * piece.vertices_per_instance

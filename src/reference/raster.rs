@@ -4,8 +4,8 @@
 //! Contract: draws the triangles in API order, one after the other, as the API describes it; twin
 //! of `glsl/raster.comp`, and of `glsl/ordered.comp` where shaders neither discard nor write depth.
 
-use super::{Input, Parts, binning::edge_at, key};
-use crate::{abi::Triangle, grid::Grid, state::Compare};
+use super::{Input, binning::edge_at, key};
+use crate::{abi::Triangle, grid::Grid, state::Compare, trace::Parts};
 
 /// Draws all of the batch; `depth` has the pixels of the band row by row. Returns the key of the
 /// triangle that wrote each pixel last, 0 where none did.

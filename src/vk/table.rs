@@ -233,6 +233,12 @@ impl ResourceTable {
         self.raw.keep.lock().unwrap_or_else(PoisonError::into_inner).truncate(3);
     }
 
+    /// Forgets which resource is where, so that the next one gets a slot of its own even if it has
+    /// one: consecutive slots for the elements of an array.
+    pub fn forget(&mut self) {
+        self.slots.clear();
+    }
+
     /// Slots that are taken, by binding.
     pub fn used(&self) -> [u32; 5] {
         self.used

@@ -1,0 +1,174 @@
+//! The engine's kernels on one device, and users' shaders spliced into them, each made once.
+
+use crate::{
+    abi,
+    error::Result,
+    format::Format,
+    kernels,
+    plan::KernelKey,
+    shader::splice::{Derivatives, SpliceOptions, splice},
+    state::Compare,
+    vk::{Gpu, Kernel, KernelInfo},
+};
+
+/// What a spliced kernel is made for, beside its shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Variant {
+    Vertex,
+    Shade(u32),
+    Ordered { format: u32, depth: u32 },
+}
+
+/// All kernels of a renderer.
+pub struct Kernels {
+    gpu: Gpu,
+    /// The subgroup width that kernels are made for.
+    width: u32,
+    pub primitive: Kernel,
+    pub scan: Kernel,
+    pub scatter: Kernel,
+    pub sort: Kernel,
+    raster: Vec<(Compare, Kernel)>,
+    clear: Vec<(u32, Kernel)>,
+    resolve: Vec<(u32, Kernel)>,
+    spliced: Vec<(Variant, KernelKey, Kernel)>,
+}
+
+/// The `abi` number of a colour format.
+pub fn color_format(format: Format) -> u32 {
+    match format {
+        Format::Rgba8Srgb => abi::FORMAT_RGBA8_SRGB,
+        Format::Rgba16Float => abi::FORMAT_RGBA16_FLOAT,
+        _ => abi::FORMAT_RGBA8_UNORM,
+    }
+}
+
+impl Kernels {
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        let width = gpu.limits().subgroup_size;
+        let plain =
+            |name, spirv| Kernel::new(gpu, &KernelInfo { name, spirv, ..KernelInfo::default() });
+        let wide = |name, spirv| wide(gpu, name, spirv, width, &[]);
+        Ok(Self {
+            width,
+            primitive: plain("primitive", kernels::PRIMITIVE)?,
+            scan: wide("binning_scan", kernels::BINNING_SCAN)?,
+            scatter: plain("binning_scatter", kernels::BINNING_SCATTER)?,
+            sort: wide("binning_sort", kernels::BINNING_SORT)?,
+            raster: Vec::new(),
+            clear: Vec::new(),
+            resolve: Vec::new(),
+            spliced: Vec::new(),
+            gpu: gpu.clone(),
+        })
+    }
+
+    /// The workgroup that shades quads: at least a quadrant of a bin, at least a subgroup.
+    pub fn shade_lanes(&self) -> u32 {
+        self.width.max(abi::GROUP)
+    }
+
+    pub fn raster(&mut self, compare: Compare) -> Result<Kernel> {
+        let known = self.raster.iter().find(|(known, _)| *known == compare);
+        if let Some((_, kernel)) = known {
+            return Ok(kernel.clone());
+        }
+        let constants = [("COMPARE", compare as u32)];
+        let kernel = wide(&self.gpu, "raster", kernels::RASTER, self.width, &constants)?;
+        self.raster.push((compare, kernel.clone()));
+        Ok(kernel)
+    }
+
+    pub fn clear(&mut self, format: u32) -> Result<Kernel> {
+        per_format(&self.gpu, &mut self.clear, "clear", kernels::CLEAR, format)
+    }
+
+    pub fn resolve(&mut self, format: u32) -> Result<Kernel> {
+        per_format(&self.gpu, &mut self.resolve, "resolve", kernels::RESOLVE, format)
+    }
+
+    pub fn vertex(&mut self, key: &KernelKey) -> Result<Kernel> {
+        self.spliced(Variant::Vertex, key)
+    }
+
+    pub fn shade(&mut self, key: &KernelKey, format: u32) -> Result<Kernel> {
+        self.spliced(Variant::Shade(format), key)
+    }
+
+    pub fn ordered(&mut self, key: &KernelKey, format: u32, depth: u32) -> Result<Kernel> {
+        self.spliced(Variant::Ordered { format, depth }, key)
+    }
+
+    fn spliced(&mut self, variant: Variant, key: &KernelKey) -> Result<Kernel> {
+        let known = self.spliced.iter().find(|(v, k, _)| *v == variant && k == key);
+        if let Some((.., kernel)) = known {
+            return Ok(kernel.clone());
+        }
+        let (stage, words) = match variant {
+            Variant::Vertex => ("vertex", kernels::VERTEX),
+            Variant::Shade(_) => ("shade", kernels::SHADE),
+            Variant::Ordered { .. } => ("ordered", kernels::ORDERED),
+        };
+        let native = self.gpu.has_compute_derivatives();
+        let options = SpliceOptions {
+            derivatives: if native { Derivatives::Native } else { Derivatives::Quad },
+            specialization: &key.specialization,
+        };
+        let spliced = splice(words, &key.shader, &options)?;
+        let name = format!("{stage} {}", key.shader.label);
+        let (width, lanes) = (self.width, self.shade_lanes());
+        let constants: &[(&str, u32)] = match variant {
+            Variant::Vertex => &[],
+            Variant::Shade(format) => &[("LANES", lanes), ("FORMAT", format)],
+            Variant::Ordered { format, depth } => {
+                &[("WIDTH", width), ("FORMAT", format), ("DEPTH", depth)]
+            }
+        };
+        let quads = variant != Variant::Vertex;
+        let info = KernelInfo {
+            name: &name,
+            spirv: &spliced.spirv,
+            constants,
+            constant_ids: &key.specialization,
+            full_subgroups: quads,
+            subgroup_size: quads.then_some(width),
+        };
+        let kernel = Kernel::new(&self.gpu, &info)?;
+        self.spliced.push((variant, key.clone(), kernel.clone()));
+        Ok(kernel)
+    }
+}
+
+/// A kernel that differs by colour format, made at its first use.
+fn per_format(
+    gpu: &Gpu,
+    made: &mut Vec<(u32, Kernel)>,
+    name: &str,
+    spirv: &[u32],
+    format: u32,
+) -> Result<Kernel> {
+    if let Some((_, kernel)) = made.iter().find(|(known, _)| *known == format) {
+        return Ok(kernel.clone());
+    }
+    let constants = [("FORMAT", format)];
+    let kernel =
+        Kernel::new(gpu, &KernelInfo { name, spirv, constants: &constants, ..Default::default() })?;
+    made.push((format, kernel.clone()));
+    Ok(kernel)
+}
+
+/// A kernel whose workgroup is one subgroup.
+fn wide(gpu: &Gpu, name: &str, spirv: &[u32], width: u32, more: &[(&str, u32)]) -> Result<Kernel> {
+    let constants: Vec<_> = [("WIDTH", width)].into_iter().chain(more.iter().copied()).collect();
+    Kernel::new(
+        gpu,
+        &KernelInfo {
+            name,
+            spirv,
+            constants: &constants,
+            full_subgroups: true,
+            subgroup_size: Some(width),
+            ..KernelInfo::default()
+        },
+    )
+}

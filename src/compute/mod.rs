@@ -1,0 +1,122 @@
+//! A pass by kernels: the product.
+//!
+//! The order of the stages of a batch, each a file here, kernels in `glsl/` and, where no user code
+//! decides, a twin in `reference/`:
+//!
+//! ```text
+//! clear      the targets' clear values, once per band
+//! vertex     the user's vertex shader, once per vertex slot
+//! primitive  assembly, clipping, culling, fixed-point setup; counts what each cell will list
+//! binning    scan of the counts, scatter of the keys, sort where order matters
+//! raster     which triangle each pixel shows (opaque work)      | ordered  raster, shading and
+//! shade      the user's fragment shader for what is visible     |          blending in API order
+//! resolve    from bins to rows, once per band
+//! ```
+//!
+//! [`Renderer::prepare`] plans a pass, makes its kernels and records everything into one submission;
+//! [`Prepared::execute`] runs it, with no decision by the CPU in between; [`Prepared::read`] returns
+//! the pictures. [`Renderer::trace`] stops after every batch and brings all intermediates home.
+
+mod binning;
+mod clear;
+mod frame;
+mod kernels;
+mod ordered;
+mod primitive;
+mod raster;
+mod resolve;
+mod shade;
+mod slots;
+mod trace;
+mod vertex;
+
+pub use frame::Prepared;
+
+use crate::{
+    error::Result,
+    grid::Capacities,
+    pass::{self, Frame, Pass},
+    plan::{IndexRanges, Plan},
+    trace::Trace,
+    vk::{Gpu, ResourceTable, Resources},
+};
+use kernels::Kernels;
+use std::{collections::HashMap, sync::Arc};
+
+/// Executes passes by compute kernels on one device; keeps kernels and uploads between passes.
+pub struct Renderer {
+    gpu: Gpu,
+    resources: Resources,
+    ranges: IndexRanges,
+    kernels: Kernels,
+    limit: Capacities,
+    timed: bool,
+}
+
+impl Renderer {
+    /// A renderer on `gpu` with the default batch size.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] if the driver refuses a kernel.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Self {
+            gpu: gpu.clone(),
+            resources: Resources::new(gpu),
+            ranges: IndexRanges::default(),
+            kernels: Kernels::new(gpu)?,
+            limit: Capacities::DEFAULT,
+            timed: false,
+        })
+    }
+
+    /// Bounds what one batch may hold. The picture does not depend on it.
+    pub fn set_batch_limit(&mut self, limit: Capacities) {
+        self.limit = limit;
+    }
+
+    /// Times every stage of the passes prepared from now on; costs a little.
+    pub fn time_stages(&mut self, timed: bool) {
+        self.timed = timed;
+    }
+
+    /// Plans and records `pass`; it can then run any number of times.
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`] if the pass contradicts itself, [`crate::Error::Shader`] if a shader
+    /// is out of reach, [`crate::Error::Capacity`] if something does not fit.
+    pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
+        let (plan, table, _) = self.plan(pass)?;
+        frame::Setup::new(self, pass, &plan, table)?.record(self, &plan)
+    }
+
+    /// Draws `pass` and returns its targets.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::prepare`], and [`crate::Error::Lost`] if the device does not answer.
+    pub fn render(&mut self, pass: &Pass) -> Result<Frame> {
+        let mut prepared = self.prepare(pass)?;
+        prepared.execute()?;
+        prepared.read()
+    }
+
+    /// Draws `pass` batch by batch and returns every intermediate.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::render`].
+    pub fn trace(&mut self, pass: &Pass) -> Result<(Frame, Trace)> {
+        let (plan, table, buffers) = self.plan(pass)?;
+        frame::Setup::new(self, pass, &plan, table)?.trace(self, &plan, buffers)
+    }
+
+    fn plan(
+        &mut self,
+        pass: &Pass,
+    ) -> Result<(Plan, ResourceTable, HashMap<u32, Arc<pass::Buffer>>)> {
+        let mut table = ResourceTable::new(&self.gpu)?;
+        let mut slots = slots::TableSlots::new(&self.gpu, &mut self.resources, &mut table);
+        let plan = Plan::new(pass, self.limit, &mut self.ranges, &mut slots)?;
+        let buffers = slots.into_buffers();
+        self.resources.flush()?;
+        Ok((plan, table, buffers))
+    }
+}

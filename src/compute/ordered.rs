@@ -1,0 +1,31 @@
+//! Records raster, shading and blending of work whose order matters: a workgroup for each non-empty
+//! bin.
+//!
+//! Reads: bins, sorted lists, triangles, positions, varyings, the resource table.
+//! Writes: colour, depth, visibility. Contract and kernel: `glsl/ordered.comp`.
+
+use super::frame::Stage;
+use crate::{
+    error::Result,
+    vk::{Kernel, Recorder},
+};
+
+pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result<()> {
+    let b = stage.buffers;
+    recorder
+        .kernel(kernel)
+        .bind("Pieces", stage.pieces)
+        .bind("Triangles", &b.triangles)
+        .bind("Positions", &b.positions)
+        .bind("Varyings", &b.varyings)
+        .bind("ResourceSlots", &b.resource_slots)
+        .bind("Bins", &b.bins)
+        .bind("CellEnds", &b.cell_ends)
+        .bind("Entries", &b.entries)
+        .bind("Depth", &b.depth)
+        .bind("Visibility", &b.visibility)
+        .bind("Color", &b.color)
+        .table(stage.table)
+        .push(&stage.push)
+        .dispatch_indirect(&b.bin_args, 0)
+}

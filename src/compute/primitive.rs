@@ -1,0 +1,26 @@
+//! Records the primitive stage.
+//!
+//! Reads: pieces, index buffers, positions. Writes: triangles, counts of the cells.
+//! Contract and kernel: `glsl/primitive.comp`.
+
+use super::frame::Stage;
+use crate::{
+    abi,
+    error::Result,
+    grid,
+    vk::{Kernel, Recorder},
+};
+
+pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result<()> {
+    let b = stage.buffers;
+    recorder.fill(&b.cell_counts, 0)?;
+    recorder
+        .kernel(kernel)
+        .bind("Pieces", stage.pieces)
+        .bind("Positions", &b.positions)
+        .bind("Triangles", &b.triangles)
+        .bind("CellCounts", &b.cell_counts)
+        .table(stage.table)
+        .push(&stage.push)
+        .dispatch(grid::groups(stage.push.primitives, abi::GROUP))
+}

@@ -1,0 +1,112 @@
+//! A pass batch by batch, with every intermediate read back.
+
+use super::{Renderer, frame::Setup};
+use crate::{
+    abi::{self, Triangle},
+    error::Result,
+    grid::Grid,
+    pass::{Buffer, Frame},
+    plan::Plan,
+    trace::{BatchTrace, Parts, Trace},
+    vk::Recorder,
+};
+use std::{collections::HashMap, sync::Arc};
+
+impl Setup {
+    pub(super) fn trace(
+        self,
+        renderer: &Renderer,
+        plan: &Plan,
+        buffers: HashMap<u32, Arc<Buffer>>,
+    ) -> Result<(Frame, Trace)> {
+        let mut trace = Trace { buffers, ..Trace::default() };
+        let (mut color, mut depth) = (Vec::new(), Vec::new());
+        for band in &self.bands {
+            let pieces = self.pieces(band, plan)?;
+            let (gpu, buffers) = self.parts();
+            let mut recorder = Recorder::new(gpu, "clear")?;
+            self.clear(&mut recorder, band)?;
+            recorder.submit()?;
+            for (number, batch) in plan.batches.iter().enumerate() {
+                let mut recorder = Recorder::new(gpu, "traced batch")?;
+                let depth_before = recorder.download(&buffers.depth)?;
+                recorder.fill(&buffers.visibility, 0)?;
+                self.batch(renderer, &mut recorder, band, &pieces, (number, batch), true)?;
+                let positions = recorder.download(&buffers.positions)?;
+                let triangles = recorder.download(&buffers.triangles)?;
+                let ends = recorder.download(&buffers.cell_ends)?;
+                let entries = recorder.download(&buffers.entries)?;
+                let visibility = recorder.download(&buffers.visibility)?;
+                let depth = recorder.download(&buffers.depth)?;
+                recorder.submit()?;
+                let first = batch.piece_first as usize;
+                let last = first + batch.piece_count as usize;
+                trace.batches.push(BatchTrace {
+                    grid: *band,
+                    pieces: self.pieces_of(band, plan)[first..last].to_vec(),
+                    piece_first: batch.piece_first,
+                    primitives: batch.primitives,
+                    positions: positions.read()?[..batch.vertices as usize].to_vec(),
+                    triangles: parts(&triangles.read()?, batch.primitives, self.extra_first()),
+                    cells: lists(&ends.read()?[..band.cells as usize], &entries.read()?),
+                    visibility: rows(band, &visibility.read()?),
+                    depth_before: rows(band, &depth_before.read()?),
+                    depth: rows(band, &depth.read()?),
+                });
+            }
+            let mut recorder = Recorder::new(gpu, "resolve")?;
+            let (c, d) = self.resolve(&mut recorder, band, &pieces)?;
+            recorder.submit()?;
+            color.extend_from_slice(bytemuck::cast_slice(&c.read()?));
+            depth.extend_from_slice(bytemuck::cast_slice(&d.read()?));
+        }
+        Ok((self.frame(color, depth), trace))
+    }
+}
+
+/// The triangles of each primitive, from where the primitive stage puts them.
+fn parts(triangles: &[Triangle], primitives: u32, extra_first: u32) -> Vec<Parts> {
+    let extra_mask = abi::MAX_CLIPPED;
+    (0..primitives)
+        .map(|primitive| {
+            let first = triangles[primitive as usize];
+            let extra = (first.flags >> abi::TRIANGLE_EXTRA_SHIFT) & extra_mask;
+            let at = (extra_first + primitive * (abi::MAX_CLIPPED - 1)) as usize;
+            let more = &triangles[at..at + extra as usize];
+            let plain = |t: &Triangle| {
+                let flags = t.flags & ((1 << abi::TRIANGLE_EXTRA_SHIFT) - 1);
+                (flags & abi::TRIANGLE_VALID != 0).then_some(Triangle { flags, ..*t })
+            };
+            std::iter::once(&first).chain(more).map(plain).collect()
+        })
+        .collect()
+}
+
+/// The list of each cell, sorted.
+fn lists(ends: &[u32], entries: &[u32]) -> Vec<Vec<u32>> {
+    let mut start = 0;
+    let list = |&end: &u32| {
+        let mut list = entries[start..end as usize].to_vec();
+        list.sort_unstable();
+        start = end as usize;
+        list
+    };
+    ends.iter().map(list).collect()
+}
+
+/// From bins to rows, as `glsl/lib/tile.glsl` orders a bin's pixels.
+fn rows<T: Copy>(band: &Grid, bins: &[T]) -> Vec<T> {
+    let mask = (1 << abi::BIN_SIZE_LOG2) - 1;
+    let mut rows = Vec::with_capacity(band.extent.pixels());
+    for y in 0..band.extent.height {
+        for x in 0..band.extent.width {
+            let bin = band.cell(0, x, y);
+            let (x, y) = (x & mask, y & mask);
+            let quad = (x & 1) | (y & 1) << 1;
+            let quadrant = (x & 6) << 1 | (y & 6) << 3;
+            let index = quad | quadrant | (x & 8) << 3 | (y & 8) << 4;
+            rows.push(bins[(bin * abi::BIN_PIXELS + index) as usize]);
+        }
+    }
+    rows
+}

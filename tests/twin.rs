@@ -1,0 +1,211 @@
+//! Which stage is wrong? Every intermediate of the device against the CPU reference, stage by stage
+//! and bit for bit, over seeded random meshes.
+
+use crate::common::{self, random::Random};
+use std::sync::Arc;
+use tilewright::{
+    compute,
+    format::{Format, VertexFormat},
+    grid::Capacities,
+    image::Extent,
+    pass::{Buffer, BufferRange, Draw, IndexFormat, Indices, Pass, Pipeline, StepRate},
+    pass::{VertexAttribute, VertexBinding},
+    reference,
+    shader::{Shader, Stage},
+    state::{Blend, Compare, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
+    target::{ColorTarget, DepthTarget},
+    vk::Gpu,
+};
+
+/// Takes clip-space positions as they are.
+pub const VERTEX: &str = "#version 450
+layout(location = 0) in vec4 position;
+layout(location = 0) out vec4 color;
+void main() {
+    gl_Position = position;
+    color = vec4(fract(vec3(gl_VertexIndex) * vec3(0.37, 0.61, 0.83)), 0.5);
+}";
+
+pub const FRAGMENT: &str = "#version 450
+layout(location = 0) in vec4 color;
+layout(location = 0) out vec4 target;
+void main() { target = color; }";
+
+/// Clip-space triangles of one kind of trouble each.
+fn positions(random: &mut Random, triangles: usize) -> Vec<[f32; 4]> {
+    let mut all = Vec::new();
+    for _ in 0..triangles {
+        let kind = random.below(10);
+        let size = [0.01, 0.05, 0.3, 1.0, 4.0][random.below(5)];
+        let w = 0.1 + random.unit() * 10.0;
+        let center = [random.signed() * 1.2, random.signed() * 1.2, random.unit()];
+        let mut corners: Vec<[f32; 4]> = (0..3)
+            .map(|_| {
+                let w = w * (0.5 + random.unit());
+                [
+                    (center[0] + random.signed() * size) * w,
+                    (center[1] + random.signed() * size) * w,
+                    (center[2] + random.signed() * size * 0.3) * w,
+                    w,
+                ]
+            })
+            .collect();
+        match kind {
+            // Through the near plane, or behind the eye altogether.
+            0 => corners[random.below(3)][3] *= -1.0,
+            1 => corners[random.below(3)][2] = -random.unit(),
+            // Far outside, so that the guard band is met.
+            2 => corners[random.below(3)][random.below(2)] = random.signed() * 1e6,
+            3 => corners[random.below(3)] = [1e30, -1e30, 0.5, 1e-3],
+            // Exact coincidences with pixel centres and each other.
+            4 => {
+                for c in &mut corners {
+                    let snap = |v: f32| (v / c[3] * 16.0).round() / 16.0;
+                    *c = [snap(c[0]), snap(c[1]), snap(c[2]).clamp(0.0, 1.0), 1.0];
+                }
+            }
+            5 => corners[1] = corners[0],
+            6 => {
+                let bad = [f32::NAN, f32::INFINITY, 1e-40, 0.0][random.below(4)];
+                corners[random.below(3)][random.below(4)] = bad;
+            }
+            _ => {}
+        }
+        all.extend(corners);
+    }
+    all
+}
+
+fn pipeline(random: &mut Random, vertex: &Arc<Shader>, fragment: &Arc<Shader>) -> Pipeline {
+    use Compare::*;
+    let compare =
+        [Less, LessOrEqual, Greater, GreaterOrEqual, Equal, NotEqual, Always][random.below(7)];
+    Pipeline {
+        label: "twin".into(),
+        vertex: vertex.clone(),
+        fragment: fragment.clone(),
+        specialization: Vec::new(),
+        vertex_bindings: vec![VertexBinding { stride: 16, rate: StepRate::Vertex }],
+        vertex_attributes: vec![VertexAttribute {
+            location: 0,
+            binding: 0,
+            format: VertexFormat::F32X4,
+            offset: 0,
+        }],
+        topology: [Topology::TriangleList, Topology::TriangleStrip, Topology::TriangleFan]
+            [random.below(3)],
+        cull: [Cull::None, Cull::Back, Cull::Front][random.below(3)],
+        front_face: [FrontFace::CounterClockwise, FrontFace::Clockwise][random.below(2)],
+        depth: DepthState { test: random.below(8) > 0, write: random.below(4) > 0, compare },
+        blend: (random.below(4) == 0).then_some(Blend::ALPHA),
+    }
+}
+
+/// A pass of a few draws in a random target.
+pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
+    let mut random = Random::new(seed);
+    let random = &mut random;
+    let extent = Extent::new(1 + random.below(150) as u32, 1 + random.below(150) as u32);
+    let mut pass = Pass {
+        label: format!("seed {seed}"),
+        extent,
+        color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
+        depth: Some(DepthTarget { clear: [0.0, 0.5, 1.0][random.below(3)] }),
+        pipelines: Vec::new(),
+        draws: Vec::new(),
+    };
+    for _ in 0..1 + random.below(4) {
+        let pipeline = pipeline(random, &shaders.0, &shaders.1);
+        let triangles = 1 + random.below(40);
+        let positions = positions(random, triangles);
+        let buffer = |label: &str, bytes: &[u8]| {
+            Arc::new(Buffer { label: label.into(), bytes: bytes.to_vec() })
+        };
+        let vertices = buffer("positions", bytemuck::cast_slice(&positions));
+        let mut draw = Draw::new(pass.pipelines.len(), positions.len() as u32);
+        draw.vertex_buffers = vec![BufferRange::whole(&vertices)];
+        if random.below(2) == 0 {
+            let count = 3 + random.below(3 * triangles);
+            let values: Vec<u32> = (0..count).map(|_| random.below(positions.len()) as u32).collect();
+            let wide = random.below(2) == 0;
+            let bytes: Vec<u8> = match wide {
+                true => bytemuck::cast_slice(&values).to_vec(),
+                false => values.iter().flat_map(|&v| (v as u16).to_le_bytes()).collect(),
+            };
+            draw.indices = Some(Indices {
+                range: BufferRange::whole(&buffer("indices", &bytes)),
+                format: if wide { IndexFormat::U32 } else { IndexFormat::U16 },
+            });
+            draw.count = count as u32;
+        }
+        draw.instances = 1 + random.below(3) as u32;
+        if random.below(4) == 0 {
+            let (w, h) = (extent.width as f32, extent.height as f32);
+            let flip = random.below(2) == 0;
+            let height = 1.0 + random.unit() * h;
+            draw.viewport = Some(Viewport {
+                x: random.signed() * w * 0.3,
+                y: if flip { h } else { random.signed() * h * 0.3 },
+                width: 1.0 + random.unit() * w,
+                height: if flip { -height } else { height },
+                min_depth: 0.0,
+                max_depth: 0.25 + 0.75 * random.unit(),
+            });
+        }
+        if random.below(4) == 0 {
+            let x = random.below(extent.width as usize) as u32;
+            let y = random.below(extent.height as usize) as u32;
+            draw.scissor = Some(Rect { x, y, width: 1 + x, height: 1 + y });
+        }
+        pass.pipelines.push(Arc::new(pipeline));
+        pass.draws.push(draw);
+    }
+    pass
+}
+
+pub fn shaders() -> (Arc<Shader>, Arc<Shader>) {
+    (
+        Arc::new(Shader::from_glsl(Stage::Vertex, "twin.vert", VERTEX).expect("a valid shader")),
+        Arc::new(Shader::from_glsl(Stage::Fragment, "twin.frag", FRAGMENT).expect("a valid shader")),
+    )
+}
+
+/// The first difference between what the device left of `pass` and the reference.
+pub fn difference(renderer: &mut compute::Renderer, pass: &Pass) -> Option<String> {
+    let (_, trace) = renderer.trace(pass).expect("the pass is drawn");
+    (0..trace.batches.len()).find_map(|number| {
+        let expected = reference::batch(&trace, number);
+        let found = trace.batches[number].first_difference(&expected)?;
+        Some(format!("batch {number}: {found}"))
+    })
+}
+
+fn random_meshes(gpu: &Gpu, seeds: std::ops::Range<u64>) {
+    let shaders = shaders();
+    let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+    for seed in seeds {
+        // Batches of every size, so that draws are cut in all places.
+        let primitives = 1 << (3 + seed % 10);
+        renderer.set_batch_limit(Capacities {
+            primitives,
+            vertices: 3 * primitives,
+            varying_words: 1 << 16,
+        });
+        let pass = random_pass(seed, &shaders);
+        if let Some(found) = difference(&mut renderer, &pass) {
+            panic!("{}, seed {seed}: {found}", gpu.info());
+        }
+    }
+}
+
+#[test]
+fn a_thousand_random_meshes_on_the_driver_under_test() {
+    random_meshes(&common::gpu(), 0..1000);
+}
+
+#[test]
+fn a_thousand_random_meshes_on_swiftshader() {
+    if let Some(gpu) = common::swiftshader("twin on SwiftShader") {
+        random_meshes(&gpu, 0..1000);
+    }
+}
