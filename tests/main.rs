@@ -5,6 +5,7 @@ mod cli;
 mod common;
 mod setup;
 mod tidy;
+mod twin;
 mod vk;
 
 use std::io::Write as _;

@@ -170,10 +170,16 @@ pub fn shaders() -> (Arc<Shader>, Arc<Shader>) {
     )
 }
 
-/// The first difference between what the device left of `pass` and the reference.
-pub fn difference(renderer: &mut compute::Renderer, pass: &Pass) -> Option<String> {
+/// The first difference between what the device left of `pass` and the reference; `seen` counts the
+/// pixels that batches drew.
+pub fn difference(
+    renderer: &mut compute::Renderer,
+    pass: &Pass,
+    seen: &mut usize,
+) -> Option<String> {
     let (_, trace) = renderer.trace(pass).expect("the pass is drawn");
     (0..trace.batches.len()).find_map(|number| {
+        *seen += trace.batches[number].visibility.iter().filter(|&&key| key != 0).count();
         let expected = reference::batch(&trace, number);
         let found = trace.batches[number].first_difference(&expected)?;
         Some(format!("batch {number}: {found}"))
@@ -183,6 +189,7 @@ pub fn difference(renderer: &mut compute::Renderer, pass: &Pass) -> Option<Strin
 fn random_meshes(gpu: &Gpu, seeds: std::ops::Range<u64>) {
     let shaders = shaders();
     let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+    let (mut seen, count) = (0, seeds.end - seeds.start);
     for seed in seeds {
         // Batches of every size, so that draws are cut in all places.
         let primitives = 1 << (3 + seed % 10);
@@ -192,10 +199,11 @@ fn random_meshes(gpu: &Gpu, seeds: std::ops::Range<u64>) {
             varying_words: 1 << 16,
         });
         let pass = random_pass(seed, &shaders);
-        if let Some(found) = difference(&mut renderer, &pass) {
+        if let Some(found) = difference(&mut renderer, &pass, &mut seen) {
             panic!("{}, seed {seed}: {found}", gpu.info());
         }
     }
+    assert!(seen as u64 > 1000 * count, "{seen} pixels drawn in {count} meshes test nothing");
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! What tests of the device share: opening one with the validation layer on, and failing on its
 //! messages; compiling a kernel from a few lines of GLSL.
 
+pub mod random;
+
 use glslang::{
     Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
     SourceLanguage, SpirvVersion, Target, VulkanVersion,
