@@ -126,7 +126,8 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
         draw.vertex_buffers = vec![BufferRange::whole(&vertices)];
         if random.below(2) == 0 {
             let count = 3 + random.below(3 * triangles);
-            let values: Vec<u32> = (0..count).map(|_| random.below(positions.len()) as u32).collect();
+            let values: Vec<u32> =
+                (0..count).map(|_| random.below(positions.len()) as u32).collect();
             let wide = random.below(2) == 0;
             let bytes: Vec<u8> = match wide {
                 true => bytemuck::cast_slice(&values).to_vec(),
@@ -166,7 +167,9 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
 pub fn shaders() -> (Arc<Shader>, Arc<Shader>) {
     (
         Arc::new(Shader::from_glsl(Stage::Vertex, "twin.vert", VERTEX).expect("a valid shader")),
-        Arc::new(Shader::from_glsl(Stage::Fragment, "twin.frag", FRAGMENT).expect("a valid shader")),
+        Arc::new(
+            Shader::from_glsl(Stage::Fragment, "twin.frag", FRAGMENT).expect("a valid shader"),
+        ),
     )
 }
 

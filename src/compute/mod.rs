@@ -35,7 +35,7 @@ pub use frame::Prepared;
 use crate::{
     error::Result,
     grid::Capacities,
-    pass::{self, Frame, Pass},
+    pass::{self, Executor, Frame, Pass},
     plan::{IndexRanges, Plan},
     trace::Trace,
     vk::{Gpu, ResourceTable, Resources},
@@ -89,20 +89,10 @@ impl Renderer {
         frame::Setup::new(self, pass, &plan, table)?.record(self, &plan)
     }
 
-    /// Draws `pass` and returns its targets.
-    ///
-    /// # Errors
-    /// Those of [`Renderer::prepare`], and [`crate::Error::Lost`] if the device does not answer.
-    pub fn render(&mut self, pass: &Pass) -> Result<Frame> {
-        let mut prepared = self.prepare(pass)?;
-        prepared.execute()?;
-        prepared.read()
-    }
-
     /// Draws `pass` batch by batch and returns every intermediate.
     ///
     /// # Errors
-    /// Those of [`Renderer::render`].
+    /// Those of [`Executor::render`].
     pub fn trace(&mut self, pass: &Pass) -> Result<(Frame, Trace)> {
         let (plan, table, buffers) = self.plan(pass)?;
         frame::Setup::new(self, pass, &plan, table)?.trace(self, &plan, buffers)
@@ -112,11 +102,21 @@ impl Renderer {
         &mut self,
         pass: &Pass,
     ) -> Result<(Plan, ResourceTable, HashMap<u32, Arc<pass::Buffer>>)> {
+        pass.validate()?;
+        self.resources.trim();
         let mut table = ResourceTable::new(&self.gpu)?;
         let mut slots = slots::TableSlots::new(&self.gpu, &mut self.resources, &mut table);
         let plan = Plan::new(pass, self.limit, &mut self.ranges, &mut slots)?;
         let buffers = slots.into_buffers();
         self.resources.flush()?;
         Ok((plan, table, buffers))
+    }
+}
+
+impl Executor for Renderer {
+    fn render(&mut self, pass: &Pass) -> Result<Frame> {
+        let mut prepared = self.prepare(pass)?;
+        prepared.execute()?;
+        prepared.read()
     }
 }
