@@ -12,26 +12,34 @@
 //! of a process builds the tables of built-in functions, a tenth of a second and more, later ones
 //! take milliseconds.
 
-use super::{Stage, module::Outcome};
+use super::{Stage, include::Beside, module::Outcome};
 use crate::{Error, Result};
 use glslang::{
     Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
     SourceLanguage, SpirvVersion, Target, VulkanVersion, error::GlslangError,
+    include::IncludeHandler,
 };
+use std::path::Path;
 
-/// Compiles `source` to SPIR-V with entry point `main`.
+/// Compiles `source` to SPIR-V with entry point `main`. `file` is where it came from, for files that
+/// it includes.
 ///
 /// # Errors
 /// [`Error::Shader`] with the compiler's messages, `line N: …` each.
-pub(super) fn compile(stage: Stage, label: &str, source: &str) -> Result<Vec<u32>> {
+pub(super) fn compile(
+    stage: Stage,
+    label: &str,
+    source: &str,
+    file: Option<&Path>,
+) -> Result<Vec<u32>> {
     let stage = match stage {
         Stage::Vertex => ShaderStage::Vertex,
         Stage::Fragment => ShaderStage::Fragment,
     };
-    words(stage, source).map_err(|reason| Error::shader(label, reason))
+    words(stage, source, file).map_err(|reason| Error::shader(label, reason))
 }
 
-fn words(stage: ShaderStage, source: &str) -> Outcome<Vec<u32>> {
+fn words(stage: ShaderStage, source: &str, file: Option<&Path>) -> Outcome<Vec<u32>> {
     let compiler = Compiler::acquire().ok_or("the GLSL compiler does not start")?;
     let source = ShaderSource::from(plain_ascii(source)?);
     let options = CompilerOptions {
@@ -44,7 +52,9 @@ fn words(stage: ShaderStage, source: &str) -> Outcome<Vec<u32>> {
         messages: ShaderMessage::SPV_RULES | ShaderMessage::VULKAN_RULES,
     };
     let defines = None::<&[(&str, Option<&str>)]>;
-    ShaderInput::new(&source, stage, &options, defines, None)
+    let mut beside = file.map(Beside::new);
+    let includes = beside.as_mut().map(|handler| handler as &mut dyn IncludeHandler);
+    ShaderInput::new(&source, stage, &options, defines, includes)
         .and_then(|input| compiler.create_shader(input))
         .and_then(|shader| shader.compile())
         .map_err(message)
@@ -53,7 +63,7 @@ fn words(stage: ShaderStage, source: &str) -> Outcome<Vec<u32>> {
 /// The source as the compiler's bindings can take it. GLSL allows other characters than ASCII in
 /// comments only, but quotes them byte by byte in its messages, which then are no text any more; a
 /// character that is an error anywhere outside a comment takes their place.
-fn plain_ascii(source: &str) -> Outcome<String> {
+pub(super) fn plain_ascii(source: &str) -> Outcome<String> {
     if let Some(at) = source.find('\0') {
         return Err(format!("line {}: a NUL byte", source[..at].matches('\n').count() + 1));
     }
@@ -82,7 +92,8 @@ fn message(error: GlslangError) -> String {
     if lines.is_empty() { "it does not compile".into() } else { lines.join("\n") }
 }
 
-/// `ERROR: 0:12: 'x' : undeclared identifier` becomes `line 12: 'x' : undeclared identifier`.
+/// `ERROR: 0:12: 'x' : undeclared identifier` becomes `line 12: 'x' : undeclared identifier`. In an
+/// included file, its name stands where the 0 is.
 fn readable(line: &str) -> String {
     let (kind, rest) = match line.split_once(": ") {
         Some(("ERROR", rest)) => ("", rest),
@@ -90,11 +101,12 @@ fn readable(line: &str) -> String {
         _ => return line.to_string(),
     };
     let located = rest.split_once(": ").and_then(|(place, text)| {
-        let (_, number) = place.split_once(':')?;
-        number.parse::<u32>().ok().map(|number| (number, text))
+        let (file, number) = place.rsplit_once(':')?;
+        number.parse::<u32>().ok().map(|number| (file, number, text))
     });
     match located {
-        Some((number, text)) => format!("{kind}line {number}: {text}"),
+        Some(("0", number, text)) => format!("{kind}line {number}: {text}"),
+        Some((file, number, text)) => format!("{kind}{file} line {number}: {text}"),
         None => format!("{kind}{rest}"),
     }
 }
@@ -105,13 +117,13 @@ pub(super) mod tests {
 
     /// Compiles a compute shader for a test.
     pub fn kernel(source: &str) -> Vec<u32> {
-        words(ShaderStage::Compute, source).unwrap()
+        words(ShaderStage::Compute, source, None).unwrap()
     }
 
     const HEAD: &str = "#version 450\nlayout(location = 0) out vec4 color;\n";
 
     fn reason(source: &str) -> String {
-        compile(Stage::Fragment, "bad.frag", source).unwrap_err().to_string()
+        compile(Stage::Fragment, "bad.frag", source, None).unwrap_err().to_string()
     }
 
     #[test]
@@ -133,16 +145,18 @@ pub(super) mod tests {
     #[test]
     fn comments_may_hold_any_text() {
         let source = format!("{HEAD}// größer – 深度\nvoid main() {{ color = vec4(1); }}");
-        compile(Stage::Fragment, "ok.frag", &source).unwrap();
+        compile(Stage::Fragment, "ok.frag", &source, None).unwrap();
     }
 
     #[test]
     fn threads_share_the_compiler() {
         let source = format!("{HEAD}void main() {{ color = vec4(gl_FragCoord.x); }}");
-        let first = compile(Stage::Fragment, "a", &source).unwrap();
+        let first = compile(Stage::Fragment, "a", &source, None).unwrap();
         std::thread::scope(|scope| {
             for _ in 0..4 {
-                scope.spawn(|| assert_eq!(compile(Stage::Fragment, "a", &source).unwrap(), first));
+                scope.spawn(|| {
+                    assert_eq!(compile(Stage::Fragment, "a", &source, None).unwrap(), first)
+                });
             }
         });
     }

@@ -6,6 +6,10 @@
 
 #[cfg(feature = "glsl")]
 mod compile;
+#[cfg(feature = "glsl")]
+pub mod conform;
+#[cfg(feature = "glsl")]
+mod include;
 mod interface;
 mod module;
 mod reflect;
@@ -13,6 +17,8 @@ pub mod splice;
 mod usage;
 
 use crate::{Error, Result};
+#[cfg(feature = "glsl")]
+use std::path::Path;
 
 /// Which stage a shader is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -170,7 +176,27 @@ impl Shader {
     /// [`crate::Error::Shader`] with the compiler's messages, which name lines of `source`.
     #[cfg(feature = "glsl")]
     pub fn from_glsl(stage: Stage, label: &str, source: &str) -> Result<Shader> {
-        Self::from_spirv(stage, label, &compile::compile(stage, label, source)?)
+        Self::from_spirv(stage, label, &compile::compile(stage, label, source, None)?)
+    }
+
+    /// Compiles the Vulkan GLSL file at `path`, which ends in `.vert` or `.frag`. It may include files
+    /// that lie beside it. The label is `path` without `root`, if it lies under it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the file cannot be read or has another ending; [`Error::Shader`] as
+    /// [`Shader::from_glsl`].
+    #[cfg(feature = "glsl")]
+    pub fn from_file(root: &Path, path: &Path) -> Result<Shader> {
+        let stage = match path.extension().and_then(|e| e.to_str()) {
+            Some("vert") => Stage::Vertex,
+            Some("frag") => Stage::Fragment,
+            _ => return Err(Error::input(path, "a shader ends in .vert or .frag")),
+        };
+        let bytes = std::fs::read(path).map_err(|e| Error::input(path, e))?;
+        let source = String::from_utf8_lossy(&bytes);
+        let label = path.strip_prefix(root).unwrap_or(path).display().to_string();
+        let words = compile::compile(stage, &label, &include::allowed(&source), Some(path))?;
+        Self::from_spirv(stage, &label, &words)
     }
 
     /// Takes a SPIR-V module whose entry point for `stage` is called `main`.

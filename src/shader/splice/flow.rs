@@ -73,10 +73,14 @@ impl Flow {
         self.rank[block].is_some()
     }
 
+    /// Whether `from` may be followed by `to`.
+    pub fn goes(&self, from: usize, to: usize) -> bool {
+        self.successors[from].contains(&to)
+    }
+
     /// Whether any reached block goes to `block`.
     pub fn has_predecessor(&self, block: usize) -> bool {
-        let mut from = self.successors.iter().enumerate();
-        from.any(|(n, to)| self.is_reached(n) && to.contains(&block))
+        (0..self.successors.len()).any(|n| self.is_reached(n) && self.goes(n, block))
     }
 
     /// Whether every way from the entry to `b` leads through `a`.

@@ -78,15 +78,20 @@ fn read_attachment(code: &mut Code, hooks: &Hooks, instruction: &mut Instruction
     let offset = instruction.operands[1].clone();
     let pixel = code.emit(Op::IAdd, pixel_ty, vec![id(pixel), offset]);
     let mut operands = vec![instruction.operands[0].clone(), id(pixel)];
-    match instruction.operands.get(2) {
-        None => {
-            let zero = code.linker.null(int);
-            operands.extend([Operand::ImageOperands(ImageOperands::LOD), id(zero)]);
-        }
-        Some(Operand::ImageOperands(ImageOperands::SAMPLE)) => {
-            operands.extend_from_slice(&instruction.operands[2..]);
-        }
-        Some(other) => return Err(format!("subpassLoad with the operands {other:?}")),
+    // The one sample of a multisampled attachment, or level 0; how to extend integers stays.
+    let extend = ImageOperands::SIGN_EXTEND | ImageOperands::ZERO_EXTEND;
+    let given = match instruction.operands.get(2) {
+        Some(Operand::ImageOperands(given)) => *given,
+        _ => ImageOperands::NONE,
+    };
+    if !(extend | ImageOperands::SAMPLE).contains(given) {
+        return Err(format!("subpassLoad with the operands {given:?}"));
+    }
+    if given.contains(ImageOperands::SAMPLE) {
+        operands.extend_from_slice(&instruction.operands[2..]);
+    } else {
+        let zero = code.linker.null(int);
+        operands.extend([Operand::ImageOperands(given | ImageOperands::LOD), id(zero)]);
     }
     let (ty, result) = (instruction.result_type, instruction.result_id);
     *instruction = Instruction::new(Op::ImageFetch, ty, result, operands);

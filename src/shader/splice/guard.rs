@@ -66,12 +66,15 @@ impl Guard<'_> {
         let original = block.label_id();
         let mut instructions = std::mem::take(&mut block.instructions);
         let mut current = block;
+        let mut whole_loop = None;
         let is_loop = |i: &Instruction| i.class.opcode == Op::LoopMerge;
         if let Some(merge) = instructions.iter().position(is_loop) {
             let merge = instructions.remove(merge);
             let phis = instructions.iter().take_while(|i| i.class.opcode == Op::Phi).count();
             let rest = instructions.split_off(phis);
             let body = self.linker.id();
+            let is_all = merge.operands.get(1).and_then(Operand::id_ref_any) == original;
+            whole_loop = is_all.then_some((self.blocks.len(), instructions.len()));
             current.instructions = instructions;
             current.instructions.push(merge);
             self.finish(&mut current, branch(body), body);
@@ -83,6 +86,15 @@ impl Guard<'_> {
             } else {
                 current.instructions.push(instruction);
             }
+        }
+        // A loop of one block was its own step. Now the step is a block that only jumps back, since it
+        // must not be where the guard's selection ends.
+        if let Some((header, merge)) = whole_loop {
+            let step = self.linker.id();
+            let back = current.instructions.pop();
+            self.finish(&mut current, branch(step), step);
+            current.instructions.extend(back);
+            self.blocks[header].instructions[merge].operands[1] = id(step);
         }
         if let (Some(original), Some(tail)) = (original, current.label_id())
             && original != tail

@@ -442,18 +442,21 @@ impl Importer<'_, '_> {
         }
     }
 
+    /// Names come along marked as the user's: hosts find the kernel's constants and buffers by name.
     fn names(&mut self) {
         for instruction in &self.index.module.debug_names {
             let Some(target) = instruction.operands.first().and_then(Operand::id_ref_any) else {
                 continue;
             };
-            let mapped = self.own.get(target as usize).copied().unwrap_or(false);
-            if !mapped {
+            if !self.own.get(target as usize).copied().unwrap_or(false) {
                 continue;
             }
             let mut new = self.renamed(instruction);
-            if target == self.usage.entry {
-                new.operands[1] = Operand::LiteralString(format!("main of {}", self.shader.label));
+            match new.operands.as_mut_slice() {
+                [_, Operand::LiteralString(name)] if !name.is_empty() => {
+                    *name = format!("user {name}")
+                }
+                _ => {}
             }
             self.linker.module.debug_names.push(new);
         }

@@ -33,6 +33,7 @@ mod repair;
 mod resources;
 #[cfg(all(test, feature = "glsl"))]
 mod tests;
+pub(crate) mod verify;
 
 use super::{
     Shader, Stage,

@@ -1,0 +1,175 @@
+//! How far a folder of shaders gets: compiled, spliced, made into kernels.
+//!
+//! Every `.vert` and `.frag` is compiled, spliced into each of the engine's own kernels of its stage,
+//! and the result is checked (see `splice/verify.rs`). Making pipelines of it is the caller's part,
+//! who has the device: a function that gets each shader which came that far.
+
+use super::{
+    Shader, Stage,
+    splice::{Derivatives, SpliceOptions, splice, verify},
+};
+use crate::{Error, Result, kernels};
+use std::path::{Path, PathBuf};
+
+/// How far a shader got before it was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Step {
+    /// The file does not compile, or is no shader that could be spliced.
+    Compile,
+    /// Splicing refuses it.
+    Splice,
+    /// The spliced module is not valid: a fault of the splicer.
+    Check,
+    /// The device refuses the kernel.
+    Create,
+}
+
+impl Step {
+    /// A word for reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Step::Compile => "compile",
+            Step::Splice => "splice",
+            Step::Check => "check",
+            Step::Create => "create",
+        }
+    }
+}
+
+/// A shader that was refused.
+#[derive(Clone, Debug)]
+pub struct Refusal {
+    /// The file, as seen from the folder.
+    pub file: PathBuf,
+    /// Where it got stuck.
+    pub step: Step,
+    /// Why.
+    pub reason: String,
+}
+
+/// What became of a folder.
+#[derive(Clone, Debug, Default)]
+pub struct Conformance {
+    /// Shaders found.
+    pub files: usize,
+    /// Shaders that compile.
+    pub compiled: usize,
+    /// Shaders that were spliced, with a valid result.
+    pub spliced: usize,
+    /// Shaders of which the device made kernels.
+    pub created: usize,
+    /// The others, in the order of their files.
+    pub refusals: Vec<Refusal>,
+}
+
+/// Tries every `.vert` and `.frag` under `folder`, to any depth.
+///
+/// `create` makes a shader's kernels; its errors count as refusals. `progress` hears how many files
+/// are done and how many there are.
+///
+/// # Errors
+/// [`Error::Input`] if the folder cannot be read.
+pub fn conform(
+    folder: &Path,
+    derivatives: Derivatives,
+    create: &mut dyn FnMut(&Shader) -> Result<()>,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Conformance> {
+    let mut files = Vec::new();
+    find(folder, &mut files)?;
+    files.sort();
+    let mut result = Conformance { files: files.len(), ..Conformance::default() };
+    for (done, path) in files.iter().enumerate() {
+        progress(done, files.len());
+        if let Err((step, reason)) = attempt(folder, path, derivatives, create, &mut result) {
+            let file = path.strip_prefix(folder).unwrap_or(path).to_path_buf();
+            result.refusals.push(Refusal { file, step, reason });
+        }
+    }
+    progress(files.len(), files.len());
+    Ok(result)
+}
+
+fn attempt(
+    folder: &Path,
+    path: &Path,
+    derivatives: Derivatives,
+    create: &mut dyn FnMut(&Shader) -> Result<()>,
+    result: &mut Conformance,
+) -> std::result::Result<(), (Step, String)> {
+    let shader = Shader::from_file(folder, path).map_err(|e| (Step::Compile, reason(e)))?;
+    result.compiled += 1;
+    let kernels: &[&[u32]] = match shader.stage {
+        Stage::Vertex => &[kernels::VERTEX],
+        Stage::Fragment => &[kernels::SHADE, kernels::ORDERED],
+    };
+    let options = SpliceOptions { derivatives, specialization: &[] };
+    for kernel in kernels {
+        let spliced = splice(kernel, &shader, &options).map_err(|e| (Step::Splice, reason(e)))?;
+        verify::verify(&spliced.spirv).map_err(|e| (Step::Check, e))?;
+    }
+    result.spliced += 1;
+    create(&shader).map_err(|e| (Step::Create, reason(e)))?;
+    result.created += 1;
+    Ok(())
+}
+
+/// The error without the file, which stands beside it.
+fn reason(error: Error) -> String {
+    match error {
+        Error::Shader { reason, .. } | Error::Input { reason, .. } => reason,
+        other => other.to_string(),
+    }
+}
+
+/// Collects shaders. A link to a folder is not followed, so the search ends.
+fn find(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::input(folder, e))?;
+    for entry in entries {
+        let entry = entry.map_err(|e| Error::input(folder, e))?;
+        let (path, kind) = (entry.path(), entry.file_type());
+        let is_shader = path.extension().is_some_and(|e| e == "vert" || e == "frag");
+        match kind {
+            Ok(kind) if kind.is_dir() => find(&path, files)?,
+            Ok(_) if is_shader => files.push(path),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_counted_and_each_refusal_says_why() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/shaders");
+        let (mut seen, mut created) = (Vec::new(), 0);
+        let mut create = |shader: &Shader| {
+            created += 1;
+            match shader.label.as_str() {
+                "view.frag" => Err(Error::Device("no".into())),
+                _ => Ok(()),
+            }
+        };
+        let result = conform(&folder, Derivatives::Native, &mut create, &mut |done, all| {
+            seen.push((done, all));
+        })
+        .unwrap();
+        assert_eq!(seen.len(), result.files + 1);
+        assert_eq!(seen.last(), Some(&(result.files, result.files)));
+        assert_eq!(result.created + result.refusals.len(), result.files);
+        assert_eq!(result.created + 1, created, "{:?}", result.refusals);
+        for refusal in &result.refusals {
+            match refusal.file.to_str().unwrap() {
+                "view.frag" => assert_eq!(refusal.step, Step::Create),
+                file => assert!(file.starts_with("refused"), "{refusal:?}"),
+            }
+            assert!(!refusal.reason.is_empty());
+        }
+        let gone =
+            conform(&folder.join("none"), Derivatives::Quad, &mut |_| Ok(()), &mut |_, _| {});
+        assert!(gone.unwrap_err().to_string().contains("none"));
+    }
+}
