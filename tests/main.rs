@@ -3,6 +3,7 @@
 mod classic;
 mod cli;
 mod common;
+mod pass;
 mod setup;
 mod tidy;
 mod twin;

@@ -269,7 +269,7 @@ fn check_viewport(v: &Viewport) -> Fault {
     if sides && edges && depths.contains(&v.min_depth) && depths.contains(&v.max_depth) {
         return Ok(());
     }
-    Err(format!("{v:?}: it is empty, too large, or its depths are outside 0..=1"))
+    Err(format!("the viewport {v:?} is empty, too large, or has depths outside 0..=1"))
 }
 
 fn check_sets(draw: &Draw, pipeline: &Pipeline, seen: &mut Seen) -> Fault {

@@ -1,0 +1,272 @@
+//! Is a pass that makes no sense refused, with words that name the draw, the resource and the fault?
+
+use std::sync::Arc;
+use tilewright::{
+    Error,
+    format::{Component, Format, VertexFormat},
+    image::Extent,
+    pass::{
+        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Indices, Pass,
+        Pipeline, StepRate, VertexAttribute, VertexBinding,
+    },
+    shader::{Shader, Stage},
+    state::{Rect, Viewport},
+    target::DepthTarget,
+    texture::{Sampler, Texture},
+};
+
+fn shader(stage: Stage, label: &str, body: &str) -> Arc<Shader> {
+    let source = format!("#version 450\n{body}");
+    Arc::new(Shader::from_glsl(stage, label, &source).unwrap_or_else(|e| panic!("{e}")))
+}
+
+fn zeros(label: &str, bytes: usize) -> Arc<Buffer> {
+    Arc::new(Buffer { label: label.into(), bytes: vec![0; bytes] })
+}
+
+/// The parts of a pass that makes sense, each of which a case spoils.
+struct Parts {
+    pass: Pass,
+    pipeline: Pipeline,
+    draw: Draw,
+    entries: Vec<BindingEntry>,
+    texture: Texture,
+}
+
+impl Parts {
+    fn new() -> Self {
+        let vertex = shader(
+            Stage::Vertex,
+            "test.vert",
+            "layout(location = 0) in vec3 position;
+layout(location = 3) in uvec2 ids;
+layout(location = 0) out vec2 uv;
+layout(location = 1) flat out uint id;
+void main() { gl_Position = vec4(position, 1); uv = position.xy; id = ids.x; }",
+        );
+        let fragment = shader(
+            Stage::Fragment,
+            "test.frag",
+            "layout(location = 0) in vec2 uv;
+layout(location = 1) flat in uint id;
+layout(set = 0, binding = 2) uniform sampler2D images[2];
+layout(set = 1, binding = 0) uniform Block { vec4 factor[4]; };
+layout(push_constant) uniform Push { vec2 offset; };
+layout(location = 0) out vec4 color;
+void main() { color = texture(images[id & 1u], uv + offset) * factor[3]; }",
+        );
+        let attribute =
+            |location, format, offset| VertexAttribute { location, binding: 0, format, offset };
+        let ids = VertexFormat { component: Component::U16, count: 2 };
+        let pipeline = Pipeline {
+            vertex_bindings: vec![VertexBinding { stride: 16, rate: StepRate::Vertex }],
+            vertex_attributes: vec![attribute(0, VertexFormat::F32X3, 0), attribute(3, ids, 12)],
+            ..Pipeline::new("brick", vertex, fragment)
+        };
+        let indices = Arc::new(Buffer {
+            label: "indices".into(),
+            bytes: [0u16, 1, 2, 9].iter().flat_map(|i| i.to_ne_bytes()).collect(),
+        });
+        let draw = Draw {
+            push_constants: vec![0; 8],
+            vertex_buffers: vec![BufferRange::whole(&zeros("vertices", 48))],
+            indices: Some(Indices {
+                range: BufferRange::whole(&indices),
+                format: IndexFormat::U16,
+            }),
+            ..Draw::new(0, 3)
+        };
+        let entries = vec![BindingEntry {
+            binding: 0,
+            resources: vec![Binding::Uniform(BufferRange {
+                buffer: zeros("factors", 512),
+                offset: 256,
+                bytes: 64,
+            })],
+        }];
+        let texture = Texture {
+            label: "stones".into(),
+            extent: Extent::new(4, 2),
+            format: Format::Rgba8Unorm,
+            levels: vec![vec![0; 32], vec![0; 8], vec![0; 4]],
+        };
+        Self { pass: Pass::new("test", Extent::new(8, 8)), pipeline, draw, entries, texture }
+    }
+
+    fn assemble(self) -> Pass {
+        let mut pass = self.pass;
+        pass.pipelines.push(Arc::new(self.pipeline));
+        let sampled = Binding::Sampled(Arc::new(self.texture), Sampler::default());
+        let images = BindingEntry { binding: 2, resources: vec![sampled.clone(), sampled] };
+        let mut draw = self.draw;
+        draw.sets = vec![
+            Arc::new(BindingSet { entries: vec![images] }),
+            Arc::new(BindingSet { entries: self.entries }),
+        ];
+        pass.draws.push(draw);
+        pass
+    }
+}
+
+/// Asserts that the spoilt pass is refused with a message that holds all of `words`.
+#[track_caller]
+fn refused(words: &[&str], spoil: impl FnOnce(&mut Parts)) {
+    let mut parts = Parts::new();
+    spoil(&mut parts);
+    let error = parts.assemble().validate().expect_err("a fault is refused");
+    assert!(matches!(error, Error::Usage(_)), "{error}");
+    let text = error.to_string();
+    for word in words {
+        assert!(text.contains(word), "`{word}` is not in: {text}");
+    }
+}
+
+#[test]
+fn what_makes_sense_is_taken() {
+    Parts::new().assemble().validate().unwrap();
+    let mut parts = Parts::new();
+    parts.draw.indices = None;
+    parts.draw.scissor = Some(Rect { x: 7, y: 0, width: 100, height: 0 });
+    parts.pass.depth = Some(DepthTarget { clear: 0.0 });
+    parts.assemble().validate().unwrap();
+    Pass::new("empty", Extent::new(16384, 1)).validate().unwrap();
+}
+
+#[test]
+fn targets() {
+    refused(&["test", "0x8"], |p| p.pass.extent.width = 0);
+    refused(&["8x16385", "16384"], |p| p.pass.extent.height = 16385);
+    refused(&["D32Float"], |p| p.pass.color.format = Format::D32Float);
+    refused(&["depth", "1.5"], |p| p.pass.depth = Some(DepthTarget { clear: 1.5 }));
+    refused(&["depth", "NaN"], |p| p.pass.depth = Some(DepthTarget { clear: f32::NAN }));
+}
+
+#[test]
+fn pipelines() {
+    refused(&["brick", "`test.vert`", "Fragment"], |p| {
+        p.pipeline.fragment = p.pipeline.vertex.clone();
+    });
+    refused(&["brick", "attribute 3", "test.vert"], |p| {
+        p.pipeline.vertex_attributes.truncate(1);
+    });
+    refused(&["attribute 3", "Uint", "U16Norm"], |p| {
+        p.pipeline.vertex_attributes[1].format.component = Component::U16Norm;
+    });
+    refused(&["attribute 3", "binding 7"], |p| p.pipeline.vertex_attributes[1].binding = 7);
+    refused(&["attribute 0", "twice"], |p| p.pipeline.vertex_attributes[1].location = 0);
+    refused(&["attribute 0", "5 components"], |p| {
+        p.pipeline.vertex_attributes[0].format.count = 5;
+    });
+    refused(&["attribute 0", "byte 2"], |p| p.pipeline.vertex_attributes[0].offset = 2);
+    refused(&["attribute 0", "stride 18"], |p| p.pipeline.vertex_bindings[0].stride = 18);
+    refused(&["4096"], |p| p.pipeline.vertex_bindings[0].stride = 4096);
+    refused(&["test.frag", "location 1", "other.vert"], |p| {
+        let body = "layout(location = 0) out vec2 uv;
+void main() { gl_Position = vec4(0); uv = vec2(0); }";
+        p.pipeline.vertex = shader(Stage::Vertex, "other.vert", body);
+    });
+    refused(&["location 1", "Int", "Uint"], |p| {
+        let body = "layout(location = 0) out vec2 uv;
+layout(location = 1) flat out int id;
+void main() { gl_Position = vec4(0); uv = vec2(0); id = 1; }";
+        p.pipeline.vertex = shader(Stage::Vertex, "other.vert", body);
+    });
+    refused(&["set 0 binding 0", "Cube"], |p| {
+        let body = "layout(binding = 0) uniform samplerCube sky;
+layout(location = 0) out vec4 color;
+void main() { color = texture(sky, vec3(1)); }";
+        p.pipeline.fragment = shader(Stage::Fragment, "sky.frag", body);
+    });
+    refused(&["set 1 binding 0", "Storage", "Uniform"], |p| {
+        let body = "layout(set = 1, binding = 0) readonly buffer Block { vec2 uvs[]; };
+layout(location = 0) out vec2 uv;
+layout(location = 1) flat out uint id;
+void main() { gl_Position = vec4(0); uv = uvs[gl_VertexIndex]; id = 1; }";
+        p.pipeline.vertex = shader(Stage::Vertex, "other.vert", body);
+    });
+}
+
+#[test]
+fn bindings() {
+    refused(&["draw 0", "pipeline 3"], |p| p.draw.pipeline = 3);
+    refused(&["draw 0", "brick", "4 bytes of push", "8"], |p| p.draw.push_constants.truncate(4));
+    refused(&["set 1 binding 0", "not bound"], |p| p.entries.clear());
+    refused(&["set 1 binding 0", "not bound"], |p| p.entries[0].binding = 1);
+    refused(&["set 1 binding 0", "Sampler"], |p| {
+        p.entries[0].resources = vec![Binding::Sampler(Sampler::default())];
+    });
+    let uniform = |offset, bytes| {
+        move |p: &mut Parts| {
+            let buffer = zeros("factors", 512);
+            p.entries[0].resources = vec![Binding::Uniform(BufferRange { buffer, offset, bytes })];
+        }
+    };
+    refused(&["factors", "63 bytes", "64"], uniform(0, 63));
+    refused(&["factors", "byte 128", "256"], uniform(128, 64));
+    refused(&["factors", "512"], uniform(256, 257));
+    refused(&["factors", "512"], uniform(usize::MAX - 255, 256));
+}
+
+#[test]
+fn textures() {
+    refused(&["set 0 binding 2", "stones", "level 1", "8"], |p| {
+        p.texture.levels[1].pop();
+    });
+    refused(&["stones", "4 levels", "3"], |p| p.texture.levels.push(vec![0; 4]));
+    refused(&["stones", "0 levels"], |p| p.texture.levels.clear());
+    refused(&["stones", "0x2"], |p| p.texture.extent.width = 0);
+    refused(&["stones", "depth"], |p| p.texture.format = Format::D32Float);
+}
+
+#[test]
+fn vertices_and_indices() {
+    refused(&["0 vertex buffers", "1"], |p| p.draw.vertex_buffers.clear());
+    refused(&["vertices", "48"], |p| p.draw.vertex_buffers[0].bytes = 49);
+    // The fourth index is 9, and there are three vertices.
+    refused(&["vertex 9", "vertices", "48"], |p| p.draw.count = 4);
+    refused(&["vertex 9"], |p| (p.draw.first, p.draw.count) = (3, 1));
+    refused(&["5 indices", "4"], |p| p.draw.count = 5);
+    refused(&["1 indices from 4294967295"], |p| (p.draw.first, p.draw.count) = (u32::MAX, 1));
+    refused(&["vertex 3"], |p| p.draw.base_vertex = 1);
+    refused(&["vertices -1 to 1"], |p| p.draw.base_vertex = -1);
+    refused(&["indices of 2 bytes", "byte 1"], |p| {
+        let range = &mut p.draw.indices.as_mut().unwrap().range;
+        (range.offset, range.bytes) = (1, 6);
+    });
+    refused(&["vertex 3"], |p| (p.draw.indices, p.draw.count) = (None, 4));
+    refused(&["vertex 4"], |p| {
+        p.draw.indices = None;
+        p.draw.first = 2;
+    });
+    refused(&["instance 3"], |p| {
+        p.pipeline.vertex_bindings[0].rate = StepRate::Instance;
+        (p.draw.first_instance, p.draw.instances) = (2, 2);
+    });
+    refused(&["byte 2", "4-byte"], |p| {
+        p.draw.vertex_buffers =
+            vec![BufferRange { buffer: zeros("vertices", 64), offset: 2, bytes: 48 }];
+    });
+    // Nothing is read where nothing is drawn.
+    let mut parts = Parts::new();
+    (parts.draw.instances, parts.draw.base_vertex) = (0, 1000);
+    parts.assemble().validate().unwrap();
+}
+
+#[test]
+fn viewports_and_scissors() {
+    let viewport = |x, width, height, max_depth| {
+        move |p: &mut Parts| {
+            p.draw.viewport =
+                Some(Viewport { x, y: 0.0, width, height, min_depth: 0.0, max_depth });
+        }
+    };
+    refused(&["viewport"], viewport(0.0, 0.0, 8.0, 1.0));
+    refused(&["viewport"], viewport(0.0, 8.0, 0.0, 1.0));
+    refused(&["viewport"], viewport(0.0, f32::NAN, 8.0, 1.0));
+    refused(&["viewport"], viewport(0.0, 8.0, -20000.0, 1.0));
+    refused(&["viewport"], viewport(40000.0, 8.0, 8.0, 1.0));
+    refused(&["viewport"], viewport(0.0, 8.0, 8.0, 1.25));
+    refused(&["scissor"], |p| {
+        p.draw.scissor = Some(Rect { x: u32::MAX, y: 0, width: 1, height: 1 });
+    });
+}
