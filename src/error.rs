@@ -51,6 +51,10 @@ pub enum Error {
         /// What to do next.
         advice: String,
     },
+    /// As [`Error::Capacity`], for what is not counted in bytes or whose size only the driver knows
+    /// (exit code 6). Names the limit where there is one.
+    #[error("{0}")]
+    Full(String),
     /// The operating system refused a file operation on an output (exit code 4).
     #[error("{}: {source}", path.display())]
     Io {

@@ -9,7 +9,7 @@ use tilewright::{
     texture,
     vk::{
         Buffer, Gpu, GpuOptions, Image, ImageInfo, ImageUse, Kernel, KernelInfo, Memory, Recorder,
-        ResourceTable, Sampler, doctor,
+        ResourceTable, Sampler, TableSizes, doctor,
     },
 };
 
@@ -290,6 +290,30 @@ fn compiled_pipelines_are_kept_on_disk_and_a_broken_file_is_ignored() {
             assert_eq!(std::fs::read(file.path()).unwrap().len(), whole.len());
         }
     });
+}
+
+#[test]
+fn a_full_table_says_what_is_full() {
+    let options = GpuOptions {
+        device: Some(gpu().info().index.to_string()),
+        validation: true,
+        cache: None,
+        table: TableSizes { buffers: 2, ..TableSizes::default() },
+        ..GpuOptions::default()
+    };
+    let gpu = Gpu::open(&options).unwrap();
+    let mut table = ResourceTable::new(&gpu).unwrap();
+    let [a, b, c] = [1, 2, 3].map(|n| Buffer::upload(&gpu, "words", &[n]).unwrap());
+    for _ in 0..2 {
+        assert_eq!(table.insert_buffer(&a).unwrap(), 0);
+        assert_eq!(table.insert_buffer(&b).unwrap(), 1);
+        assert_eq!(table.insert_buffer(&a).unwrap(), 0);
+        let error = table.insert_buffer(&c).unwrap_err();
+        assert!(matches!(error, Error::Full(_)), "{error}");
+        assert!(error.to_string().contains("2 buffers"), "{error}");
+        table.clear();
+    }
+    assert_eq!(gpu.validation_messages(), [""; 0]);
 }
 
 #[test]

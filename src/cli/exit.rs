@@ -37,7 +37,7 @@ pub fn code(error: &Error) -> u8 {
         Error::Device(_) => 3,
         Error::Input { .. } | Error::Shader { .. } | Error::Io { .. } => 4,
         Error::Lost(_) => 5,
-        Error::Capacity { .. } => 6,
+        Error::Capacity { .. } | Error::Full(_) => 6,
     }
 }
 
@@ -63,6 +63,7 @@ mod tests {
             (io, 4),
             (Error::Lost(String::new()), 5),
             (capacity, 6),
+            (Error::Full(String::new()), 6),
         ] {
             assert_eq!(code(&error), expected, "{error:?}");
         }

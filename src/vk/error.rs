@@ -10,6 +10,13 @@ pub(super) fn describe(device: &str, what: &str, result: vk::Result) -> Error {
             "{device} was lost while {what}: the driver or a kernel crashed; try another device \
              (`tilewright devices` lists them)"
         )),
+        vk::Result::ERROR_OUT_OF_DEVICE_MEMORY
+        | vk::Result::ERROR_OUT_OF_HOST_MEMORY
+        | vk::Result::ERROR_OUT_OF_POOL_MEMORY
+        | vk::Result::ERROR_FRAGMENTED_POOL => Error::Full(format!(
+            "{device} ran out of memory while {what}; use a smaller size or scene, or a device with \
+             more memory"
+        )),
         vk::Result::TIMEOUT => Error::Lost(format!("{device} did not answer while {what}")),
         result => Error::Device(format!("{device} failed while {what}: {result}")),
     }
@@ -24,15 +31,4 @@ pub(super) fn capacity(what: &str, wanted: u64, limit_of: String, limit: u64) ->
         limit,
         advice: "use a smaller size or scene, or a device with more memory".into(),
     }
-}
-
-/// Whether `result` says that memory ran out.
-pub(super) fn out_of_memory(result: vk::Result) -> bool {
-    matches!(
-        result,
-        vk::Result::ERROR_OUT_OF_DEVICE_MEMORY
-            | vk::Result::ERROR_OUT_OF_HOST_MEMORY
-            | vk::Result::ERROR_OUT_OF_POOL_MEMORY
-            | vk::Result::ERROR_FRAGMENTED_POOL
-    )
 }

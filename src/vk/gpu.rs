@@ -3,7 +3,7 @@
 use super::{
     cache,
     device::{self, DeviceInfo, DeviceKind, Require},
-    error::{capacity, describe, out_of_memory},
+    error::{capacity, describe},
     instance::Instance,
     requirements::Probe,
     sampler::SamplerKey,
@@ -271,9 +271,6 @@ impl Shared {
     pub fn failure(&self, what: &str, result: vk::Result) -> Error {
         if result == vk::Result::ERROR_DEVICE_LOST {
             self.lost.store(true, Ordering::Relaxed);
-        }
-        if out_of_memory(result) {
-            return capacity(what, 0, self.memory_limit_name(), self.limits.memory_bytes);
         }
         describe(&self.info.name, what, result)
     }

@@ -60,7 +60,7 @@ impl Recorder {
     /// An empty recording; `label` names it in messages and captures.
     ///
     /// # Errors
-    /// [`Error::Capacity`] without memory for commands, as for everything that records.
+    /// [`Error::Full`] without memory for commands, as for everything that records.
     pub fn new(gpu: &Gpu, label: &str) -> Result<Self> {
         Ok(Self { gpu: gpu.clone(), commands: Commands::new(gpu, label)?, group: None })
     }
@@ -222,7 +222,7 @@ impl Recorder {
     /// Ends the recording; it can then run, more than once.
     ///
     /// # Errors
-    /// [`Error::Capacity`] without memory for commands.
+    /// [`Error::Full`] without memory for commands.
     pub fn finish(self) -> Result<Recording> {
         Recording::new(self.gpu, self.commands)
     }

@@ -23,7 +23,7 @@ impl Sampler {
     /// The sampler for this state; the same state gives the same Vulkan object.
     ///
     /// # Errors
-    /// [`crate::Error::Capacity`] if the device has no room for another sampler.
+    /// [`crate::Error::Full`] if the device has no room for another sampler.
     pub fn new(gpu: &Gpu, state: &texture::Sampler) -> Result<Self> {
         let key = (state.wrap_u, state.wrap_v, state.mag, state.min, state.mip);
         let mut samplers = gpu.0.samplers.lock().unwrap_or_else(PoisonError::into_inner);
