@@ -1,4 +1,49 @@
 //! The GPU's graphics pipeline, rebuilt as Vulkan compute kernels.
+//!
+//! A [`Pass`](pass::Pass) is plain data: targets, pipelines made of ordinary Vulkan shader pairs, bindings
+//! and draws. Three executors take the same pass:
+//!
+//! * [`compute`]: the product. Every stage from vertex fetch to blending is a compute kernel; users'
+//!   shaders are spliced into those that run them. No hardware raster stage, no decision by the CPU inside a frame.
+//! * [`classic`]: `vkCmdDraw` on the same device. The opponent, and the proof that the picture is the one
+//!   the device would have drawn.
+//! * [`mod@reference`]: the CPU, exact, in the simplest way that could be right: the truth about coverage, depth
+//!   and primitive ids.
+//!
+//! Everything else ([`scene`], [`compare`], [`cli`]) is a user of that vocabulary like anyone else. The
+//! engine contains no shading of its own: a glTF material is an ordinary pair of shaders too.
+//!
+//! # Code map
+//!
+//! | module | concept |
+//! |---|---|
+//! | [`pass`], [`state`], [`target`], [`texture`], [`mod@format`], [`image`] | the public vocabulary: plain data, no Vulkan |
+//! | [`shader`] | GLSL to SPIR-V, reflection, splicing a shader into a kernel |
+//! | [`plan`] | a pass cut into batches whose buffers cannot overflow |
+//! | [`grid`] | all size arithmetic: bands, bins, cells, capacities |
+//! | [`abi`] | the structs and constants that host and kernels share; drift is a compile error |
+//! | [`compute`] | the stages in order, one file each; their kernels are in `glsl/` under the same names |
+//! | [`mod@reference`], [`trace`] | the stages' twins on the CPU; every intermediate of a frame, to be compared |
+//! | [`classic`] | the same pass through the device's graphics pipeline |
+//! | [`vk`] | devices, memory, kernels, and the only thing that dispatches |
+//! | [`scene`] | glTF, OBJ and built-in scenes as passes |
+//! | [`compare`] | whether two executors drew the same picture |
+//! | [`cli`] | the `tilewright` tool |
+//!
+//! Dependencies point one way: `cli` to `scene` and `compare`, these to the vocabulary, the executors to
+//! the vocabulary and to `vk`. To follow a triangle, start at [`compute`] and read its stages in order.
+//!
+//! # Invariants, as things that are absent
+//!
+//! * No `unsafe` and no Vulkan type outside [`vk`] and [`classic`].
+//! * No float operation behind coverage or depth but those that Vulkan defines exactly, and routines made of
+//!   them; so no device and no CPU can disagree.
+//! * No overflow that loses a pixel: a batch is cut where its buffers could overflow in the worst case.
+//! * No assumed subgroup width: any from 4 to 128.
+//! * No silent fall-back: what a device lacks or a shader may not do is an [`Error`] that names it.
+//! * No buffers in `glsl/lib`: arithmetic there, buffers in the kernels.
+//!
+//! `tests/tidy.rs` checks what no compiler does.
 #![warn(missing_docs)]
 
 pub mod abi;

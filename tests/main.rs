@@ -4,6 +4,7 @@ mod classic;
 mod cli;
 mod common;
 mod pass;
+mod readme;
 mod setup;
 mod tidy;
 mod twin;

@@ -6,14 +6,14 @@
 //! graphics pipeline is turned into what compute has; and the stub gets a body that fetches inputs,
 //! calls the user's `main` and hands on its outputs. The user's arithmetic is not touched.
 //!
-//! In order: [`import`], then over the user's functions [`resources`], [`fragment`], [`kill`],
-//! [`derivatives`], [`guard`], [`nonuniform`], then [`glue`], then [`order`].
+//! In order: `import`, then over the user's functions `resources`, `fragment`, `kill`,
+//! `derivatives`, `guard`, `nonuniform`, then `glue`, then `order`.
 //!
 //! Why in SPIR-V: rewriting the source fails on `in` and `out` as parameter qualifiers, on name
 //! clashes and on derivatives, whose types only a compiler knows; the GLSL compiler links no libraries;
 //! going back to GLSL and compiling again costs ten times as much per pipeline.
 //!
-//! What is out of reach is refused with a sentence that names it. The lists in [`limits`] are of what
+//! What is out of reach is refused with a sentence that names it. The lists in `limits` are of what
 //! is handled: an unknown capability, decoration or built-in is an error.
 
 mod builtins;
