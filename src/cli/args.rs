@@ -191,6 +191,16 @@ pub enum Backend {
     Classic,
 }
 
+impl Backend {
+    /// As it is typed.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Backend::Compute => "compute",
+            Backend::Classic => "classic",
+        }
+    }
+}
+
 /// Three numbers. A type of its own, because clap reads a `[f32; 3]` as three values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vec3(pub [f32; 3]);

@@ -19,7 +19,11 @@ mod devices;
 mod doctor;
 mod exit;
 mod output;
+mod parity;
+mod picture;
 mod plan;
+mod render;
+mod shot;
 mod talk;
 
 use crate::error::Result;
@@ -45,9 +49,9 @@ pub fn run() -> ExitCode {
 
 fn dispatch(verb: Verb) -> Result<Outcome> {
     match verb {
-        Verb::Render(args) => todo!("{args:?}"),
-        Verb::Parity(args) => todo!("{args:?}"),
-        Verb::Conform(args) => todo!("{args:?}"),
+        Verb::Render(args) => render::run(&args),
+        Verb::Parity(args) => parity::run(&args),
+        Verb::Conform(_) => Err(crate::Error::Usage("conform is not built in".into())),
         Verb::Devices(args) => devices::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
     }

@@ -36,19 +36,31 @@ pub fn key(primitive: usize, part: usize) -> u32 {
     ((primitive as u32 + 1) << abi::KEY_LOG2) | part as u32
 }
 
-/// What every stage of the `number`th batch of `trace` should have written, given the positions and
-/// the depth it started from. Visibility and depth take every fragment for drawn, as if no shader
-/// discarded any or wrote a depth of its own.
-pub fn batch(trace: &Trace, number: usize) -> BatchTrace {
-    let given = &trace.batches[number];
-    let input = Input {
+/// The clip-space corners of each primitive of the `number`th batch of `trace`.
+pub fn corners(trace: &Trace, number: usize) -> Vec<[[f32; 4]; 3]> {
+    let index = |piece: &Piece, element| trace.index(piece, element).unwrap_or(0);
+    let input = input(&trace.batches[number], &index);
+    (0..input.primitives).map(|primitive| primitive::corners(&input, primitive)).collect()
+}
+
+fn input<'a>(given: &'a BatchTrace, index: &'a dyn Fn(&Piece, u32) -> u32) -> Input<'a> {
+    Input {
         grid: &given.grid,
         pieces: &given.pieces,
         piece_first: given.piece_first,
         primitives: given.primitives,
         positions: &given.positions,
-        index: &|piece, element| trace.index(piece, element).unwrap_or(0),
-    };
+        index,
+    }
+}
+
+/// What every stage of the `number`th batch of `trace` should have written, given the positions and
+/// the depth it started from. Visibility and depth take every fragment for drawn, as if no shader
+/// discarded any or wrote a depth of its own.
+pub fn batch(trace: &Trace, number: usize) -> BatchTrace {
+    let given = &trace.batches[number];
+    let index = |piece: &Piece, element| trace.index(piece, element).unwrap_or(0);
+    let input = input(given, &index);
     let triangles = primitive::run(&input);
     let cells = binning::run(input.grid, &triangles);
     let mut depth = given.depth_before.clone();

@@ -17,6 +17,14 @@ pub fn run(input: &Input) -> Vec<Parts> {
     (0..input.primitives).map(|primitive| primitive_parts(input, primitive)).collect()
 }
 
+/// The clip-space positions of the three vertices of `primitive`, as the vertex shader left them.
+pub fn corners(input: &Input, primitive: u32) -> [Vec4; 3] {
+    let at = input.pieces.partition_point(|piece| piece.first_primitive <= primitive) - 1;
+    let piece = &input.pieces[at];
+    let slots = vertex_slots(input, piece, primitive - piece.first_primitive);
+    slots.map(|slot| input.positions[slot as usize])
+}
+
 fn primitive_parts(input: &Input, primitive: u32) -> Parts {
     let at = input.pieces.partition_point(|piece| piece.first_primitive <= primitive) - 1;
     let piece = &input.pieces[at];

@@ -1,0 +1,137 @@
+//! `tilewright render`: a scene into a PNG file.
+
+use super::{
+    args::{Backend, RenderArgs},
+    device,
+    exit::Outcome,
+    picture,
+    plan::RenderPlan,
+    shot::Shot,
+    talk,
+};
+use crate::{
+    classic, compute,
+    error::Result,
+    pass::Frame,
+    vk::{Gpu, Timings},
+};
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// Draws the scene.
+///
+/// # Errors
+/// Those of the scene, of the executor and of the output.
+pub fn run(args: &RenderArgs) -> Result<Outcome> {
+    let plan = RenderPlan::new(args)?;
+    let mut clock = Clock::start();
+    let gpu = device::open(&args.device)?;
+    clock.lap("open_device");
+    let shot = Shot::new(&plan.view)?;
+    clock.lap("read_scene");
+    let (frame, timings) = {
+        let _working = talk::working_on("drawing");
+        draw(&gpu, plan.backend, &shot, &mut clock)?
+    };
+    clock.lap("read_back");
+    plan.picture.write(&picture::encode(&frame.color, gpu.info(), &plan.view.scene)?)?;
+    clock.lap("write_picture");
+
+    if let Some(output) = &plan.stats {
+        let stats = json!({
+            "schema_version": 1,
+            "tilewright": env!("CARGO_PKG_VERSION"),
+            "device": device::block(gpu.info()),
+            "scene": plan.view.scene.to_string(),
+            "backend": plan.backend.name(),
+            "extent": [plan.view.extent.width, plan.view.extent.height],
+            "triangles": shot.triangles(),
+            "draws": shot.pass.draws.len(),
+            "scene_triangles": shot.scene.triangles(),
+            "warnings": shot.scene.warnings(),
+            "times_ms": clock.json(),
+            "device_ms": ns_to_ms(timings.total_ns),
+            "stages": stages(&timings),
+            "memory": { "host_peak_bytes": host_peak_bytes() },
+        });
+        output.write(format!("{stats:#}\n").as_bytes())?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Draws the shot; the clock separates what is done once from what every frame costs.
+fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(Frame, Timings)> {
+    match backend {
+        Backend::Compute => {
+            let mut renderer = compute::Renderer::new(gpu)?;
+            renderer.time_stages(true);
+            let mut prepared = renderer.prepare(&shot.pass)?;
+            clock.lap("prepare");
+            let timings = prepared.execute()?;
+            clock.lap("draw");
+            Ok((prepared.read()?, timings))
+        }
+        Backend::Classic => {
+            let mut prepared = classic::Renderer::new(gpu)?.prepare(&shot.pass)?;
+            clock.lap("prepare");
+            let total_ns = prepared.execute()?;
+            clock.lap("draw");
+            Ok((prepared.read()?, Timings { total_ns, stages: Vec::new() }))
+        }
+    }
+}
+
+/// Device time of each stage, in the order of first appearance, summed over batches.
+fn stages(timings: &Timings) -> Value {
+    let mut stages: Vec<(&str, u64, u64)> = Vec::new();
+    for (label, ns) in &timings.stages {
+        match stages.iter_mut().find(|(name, ..)| name == label) {
+            Some((_, total, count)) => (*total, *count) = (*total + ns, *count + 1),
+            None => stages.push((label, *ns, 1)),
+        }
+    }
+    let stage =
+        |(name, ns, count)| json!({ "stage": name, "dispatches": count, "ms": ns_to_ms(ns) });
+    stages.into_iter().map(stage).collect()
+}
+
+fn ns_to_ms(ns: u64) -> f64 {
+    milliseconds(Duration::from_nanos(ns))
+}
+
+/// Wall-clock times of the steps of a run.
+struct Clock {
+    last: Instant,
+    laps: Vec<(&'static str, Duration)>,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { last: Instant::now(), laps: Vec::new() }
+    }
+
+    /// Ends the step called `name`.
+    fn lap(&mut self, name: &'static str) {
+        let now = Instant::now();
+        self.laps.push((name, now - self.last));
+        self.last = now;
+    }
+
+    fn json(&self) -> Value {
+        let laps = self.laps.iter();
+        laps.map(|(name, time)| (name.to_string(), json!(milliseconds(*time)))).collect()
+    }
+}
+
+/// Three decimals: microseconds are as far as any of these can be trusted.
+fn milliseconds(time: Duration) -> f64 {
+    (time.as_secs_f64() * 1e6).round() / 1e3
+}
+
+/// The most memory this process held so far, drivers that run on the host included; `None` where
+/// the system does not say.
+fn host_peak_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
+}

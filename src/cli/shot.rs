@@ -1,0 +1,103 @@
+//! From what is to be seen to a [`Pass`]: the scene is read, the camera found, the draws recorded.
+
+use super::{
+    plan::{CameraChoice, SceneName, View},
+    talk,
+};
+use crate::{
+    error::{Error, Result},
+    pass::Pass,
+    scene::{Camera, LoadOptions, PassOptions, Projection, Scene, srgb_to_linear},
+};
+
+/// Vertical field of view of a camera that is given by `--eye` and `--target`, in degrees.
+const DEFAULT_FOV: f32 = 45.0;
+
+/// A scene as one camera sees it.
+pub struct Shot {
+    /// The scene.
+    pub scene: Scene,
+    /// Its draws.
+    pub pass: Pass,
+}
+
+impl Shot {
+    /// Reads the scene and records its pass; warnings are said on standard error.
+    ///
+    /// # Errors
+    /// Those of [`Scene`]; [`Error::Usage`] for a camera that the scene does not have.
+    pub fn new(view: &View) -> Result<Self> {
+        let scene = {
+            let _working = talk::working_on(format_args!("reading {}", view.scene));
+            match &view.scene {
+                SceneName::Builtin(name) => {
+                    return Err(Error::Usage(format!("there is no built-in scene `{name}`")));
+                }
+                SceneName::File(path) => Scene::load(path, &LoadOptions { time: view.time })?,
+            }
+        };
+        for warning in scene.warnings() {
+            talk::line(format_args!("warning: {warning}"));
+        }
+        let camera = camera(&scene, view)?;
+        let options = PassOptions { background: view.background.map(linear), ..Default::default() };
+        let pass = scene.pass(view.extent, &camera, &options)?;
+        Ok(Self { scene, pass })
+    }
+
+    /// Triangles that are drawn, instances included.
+    pub fn triangles(&self) -> u64 {
+        let of = |draw: &crate::pass::Draw| {
+            let topology = self.pass.pipelines[draw.pipeline].topology;
+            u64::from(topology.primitives(draw.count)) * u64::from(draw.instances)
+        };
+        self.pass.draws.iter().map(of).sum()
+    }
+}
+
+fn camera(scene: &Scene, view: &View) -> Result<Camera> {
+    let mut camera = match &view.camera {
+        CameraChoice::Default => scene.default_camera(view.extent),
+        CameraChoice::Named(name) => named(scene, name)?,
+        CameraChoice::LookAt { eye, target, up } => {
+            let [eye, target, up] = [*eye, *target, *up].map(glam::Vec3::from);
+            scene.camera_at(eye, target, up, DEFAULT_FOV.to_radians())
+        }
+    };
+    if let Some(degrees) = view.fov {
+        match &mut camera.projection {
+            Projection::Perspective { yfov, .. } => *yfov = degrees.to_radians(),
+            Projection::Orthographic { .. } => {
+                return Err(Error::Usage(
+                    "the camera is orthographic: it has no field of view for --fov to change"
+                        .into(),
+                ));
+            }
+        }
+    }
+    Ok(camera)
+}
+
+fn named(scene: &Scene, wanted: &str) -> Result<Camera> {
+    let cameras = scene.cameras();
+    let by_name = cameras.iter().find(|camera| camera.name == wanted);
+    let by_number = || wanted.parse().ok().and_then(|number: usize| cameras.get(number));
+    by_name.or_else(by_number).cloned().ok_or_else(|| {
+        let list: Vec<_> = cameras
+            .iter()
+            .enumerate()
+            .map(|(number, camera)| format!("{number} `{}`", camera.name))
+            .collect();
+        Error::Usage(format!(
+            "there is no camera `{wanted}`; the scene has {}",
+            if list.is_empty() { "none: use --eye and --target".into() } else { list.join(", ") }
+        ))
+    })
+}
+
+/// An sRGB colour as linear floats; alpha is linear already.
+fn linear([r, g, b, a]: [u8; 4]) -> [f32; 4] {
+    let channel = |value: u8| f32::from(value) / 255.0;
+    let [r, g, b] = [r, g, b].map(|value| srgb_to_linear(channel(value)));
+    [r, g, b, channel(a)]
+}
