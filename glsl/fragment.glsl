@@ -93,7 +93,6 @@ void shade(const uint key, const ivec2 pixel, const bool helper) {
     uint at = key_triangle(key, batch.extra_first);
     uint piece_index = triangles[at].piece;
     uvec3 vertices = triangles[at].vertices;
-    ivec2 anchor = ivec2(triangles[at].x.x, triangles[at].y.x) >> SUBPIXEL_BITS;
     vec3 scale = pieces[piece_index].scale, offset = pieces[piece_index].offset;
 
     vec2 ndc = (vec2(pixel) + 0.5 - offset.xy) / scale.xy;
@@ -106,7 +105,7 @@ void shade(const uint key, const ivec2 pixel, const bool helper) {
     float depth_w = dot(perspective, w);
     linear = depth_w != 0.0 ? perspective * w / depth_w : vec3(1.0, 0.0, 0.0);
 
-    float z = depth_at(triangles[at].z, triangles[at].dzdx, triangles[at].dzdy, pixel - anchor);
+    float z = depth_at(triangles[at].z, triangles[at].dzdx, triangles[at].dzdy, pixel);
     tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? 1.0 / depth_w : 0.0);
     tw_FragDepth = z;
     tw_FrontFacing = (triangles[at].flags & TRIANGLE_FRONT) != 0u;

@@ -66,7 +66,6 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
     ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
     Edges edges = edges_from(x, y, origin, 0u);
-    ivec2 from_anchor = origin - ivec2(x.x >> SUBPIXEL_BITS, y.x >> SUBPIXEL_BITS);
     uint piece = triangles[t].piece;
     bool test = pieces[piece].depth_test != 0u, write = pieces[piece].depth_write != 0u;
     uint operation = pieces[piece].depth_compare;
@@ -77,7 +76,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
         bool alive = (e.x | e.y | e.z) >= 0 && all(greaterThanEqual(p, low)) && all(lessThanEqual(p, high));
         if (!subgroupAny(alive)) continue;
         uint at = bin * BIN_PIXELS + first + lane;
-        float z = depth_at(triangles[t].z, triangles[t].dzdx, triangles[t].dzdy, from_anchor + p);
+        float z = depth_at(triangles[t].z, triangles[t].dzdx, triangles[t].dzdy, origin + p);
         if (test && DEPTH != DEPTH_LATE) alive = alive && compare(operation, z, depth[at]);
         if (!subgroupAny(alive)) continue;
         if (DEPTH == DEPTH_EARLY && alive && test && write) depth[at] = z;

@@ -60,8 +60,7 @@ uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec
     high = min(high, piece.rect_max);
     if (low.x > high.x || low.y > high.y) return 0u;
 
-    vec2 gradient = depth_gradient(a, b, c);
-    ivec2 anchor = sa >> SUBPIXEL_BITS;
+    vec3 plane = depth_plane(a, b, c);
     uint flags = TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
     uvec2 first = uvec2(low - ivec2(0, int(batch.origin_y))), last = uvec2(high - ivec2(0, int(batch.origin_y)));
     ivec3 x = ivec3(sa.x, sb.x, sc.x), y = ivec3(sa.y, sb.y, sc.y);
@@ -70,9 +69,9 @@ uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec
 
     triangles[at].x = x;
     triangles[at].y = y;
-    triangles[at].z = a.z + (gradient.x * (float(anchor.x) + 0.5 - a.x) + gradient.y * (float(anchor.y) + 0.5 - a.y));
-    triangles[at].dzdx = gradient.x;
-    triangles[at].dzdy = gradient.y;
+    triangles[at].z = plane.z;
+    triangles[at].dzdx = plane.x;
+    triangles[at].dzdy = plane.y;
     triangles[at].bounds_min = first.x | first.y << 16;
     triangles[at].bounds_max = last.x | last.y << 16;
     triangles[at].piece = piece_index;

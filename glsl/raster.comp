@@ -55,9 +55,9 @@ bool beats(const float z, const uint key, const float held_z, const uint held_ke
     return nearer || (z == held_z && among_equals);
 }
 
-// A bound that no depth of the triangle in the block `offset` pixels from its anchor is nearer than.
-float nearest_in_block(const float z, const float dzdx, const float dzdy, const ivec2 offset) {
-    float sx = dzdx * float(offset.x), sy = dzdy * float(offset.y);
+// A bound that no depth of the triangle in the block at `origin` is nearer than.
+float nearest_in_block(const float z, const float dzdx, const float dzdy, const ivec2 origin) {
+    float sx = dzdx * float(origin.x), sy = dzdy * float(origin.y);
     float ex = dzdx * float(BLOCK_LAST_X), ey = dzdy * float(BLOCK_LAST_Y);
     float slack = (abs(z) + abs(sx) + abs(sy) + abs(ex) + abs(ey)) * (1.0 / 1048576.0);
     return GREATER ? z + sx + sy + max(ex, 0.0) + max(ey, 0.0) + slack
@@ -99,7 +99,6 @@ void main() {
             uint cut = triangles[at].flags & TRIANGLE_CUT;
             ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
             ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
-            ivec2 from_anchor = origin - ivec2(x.x >> SUBPIXEL_BITS, y.x >> SUBPIXEL_BITS);
             Edges edges = edges_from(x, y, origin, 0u);
             bool live = first + lane < end;
 
@@ -107,7 +106,7 @@ void main() {
                 ivec2 block = ivec2(tile_pixel(b * BLOCK));
                 ivec3 at_block = edges.at + edges.dx * block.x + edges.dy * block.y;
                 ivec3 most = at_block + max(edges.dx, 0) * BLOCK_LAST_X + max(edges.dy, 0) * BLOCK_LAST_Y;
-                float bound = nearest_in_block(z, dzdx, dzdy, from_anchor + block);
+                float bound = nearest_in_block(z, dzdx, dzdy, origin + block);
                 bool boxed = low.x <= block.x + BLOCK_LAST_X && low.y <= block.y + BLOCK_LAST_Y &&
                              high.x >= block.x && high.y >= block.y;
                 bool hit = live && boxed && (most.x | most.y | most.z) >= 0 &&
@@ -121,7 +120,7 @@ void main() {
                     ivec3 start = subgroupShuffle(at_block, j) + dx * lane_pixel.x + dy * lane_pixel.y;
                     float zj = subgroupShuffle(z, j), xj = subgroupShuffle(dzdx, j), yj = subgroupShuffle(dzdy, j);
                     uint key_j = subgroupShuffle(key, j);
-                    ivec2 offset = subgroupShuffle(from_anchor, j) + block + lane_pixel;
+                    ivec2 at_lane = origin + block + lane_pixel;
                     bool cut_j = subgroupShuffle(cut, j) != 0u;
                     ivec2 low_j = subgroupShuffle(low, j), high_j = subgroupShuffle(high, j);
                     [[unroll]] for (uint s = 0u; s < STEPS; s++) {
@@ -132,7 +131,7 @@ void main() {
                             ivec2 p = block + lane_pixel + step;
                             wins = wins && all(greaterThanEqual(p, low_j)) && all(lessThanEqual(p, high_j));
                         }
-                        float zp = depth_at(zj, xj, yj, offset + step);
+                        float zp = depth_at(zj, xj, yj, at_lane + step);
                         uint i = b * STEPS + s;
                         wins = wins && beats(zp, key_j, held_z[i], held_key[i]);
                         held_z[i] = wins ? zp : held_z[i];

@@ -246,7 +246,7 @@ pub struct Triangle {
     pub x: [i32; 3],
     /// See `x`.
     pub y: [i32; 3],
-    /// Depth at the centre of the anchor, the pixel `(x[0] >> 8, y[0] >> 8)`.
+    /// Depth at the centre of the target's pixel (0, 0).
     pub z: f32,
     /// Change of depth per pixel to the right.
     pub dzdx: f32,

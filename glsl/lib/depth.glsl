@@ -1,24 +1,35 @@
-// Depth of a triangle at a pixel: a plane through the unsnapped corners, anchored at the pixel of
-// the first corner so that it is accurate where the triangle is, whatever its place on the screen.
+// Depth of a triangle at a pixel: a plane through the unsnapped corners, from its depth at the pixel
+// (0, 0) on. A plane that starts at a corner is more accurate for steep triangles far from the
+// origin, but devices compute it in this way; with another one, surfaces that coincide are won by
+// other triangles than on the device's own pipeline, thousands of pixels in some rooms.
 #ifndef DEPTH_GLSL
 #define DEPTH_GLSL
 #include "lib/exact.glsl"
 
-// Change of depth per pixel to the right and down, from window positions. A triangle without area
-// before snapping has none.
-vec2 depth_gradient(const vec3 a, const vec3 b, const vec3 c) {
+// What is too small to change any depth is zero, so that no product is a denormal.
+float settled(const float a) {
+    return abs(a) < 1.0 / 18446744073709551616.0 ? 0.0 : a;
+}
+
+// Change of depth per pixel to the right and down, and the depth at the centre of the pixel (0, 0),
+// from window positions. A triangle without area before snapping has the depth of its first corner.
+vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c) {
     vec3 ab = a - b, ca = c - a;
     float area = ab.x * ca.y - ab.y * ca.x;
     float inverse = exact_divide(1.0, area);
     vec2 ca_scaled = ca.xy * inverse, ab_scaled = ab.xy * inverse;
     vec2 gradient = vec2(ab.z * ca_scaled.y - ca.z * ab_scaled.y, ca.z * ab_scaled.x - ab.z * ca_scaled.x);
-    bool usable = flush(area) != 0.0 && is_finite(gradient.x) && is_finite(gradient.y);
-    return usable ? gradient : vec2(0.0);
+    float z = a.z - (gradient.x * (a.x - 0.5) + gradient.y * (a.y - 0.5));
+    vec3 plane = vec3(gradient, z);
+    // Not-a-number compares as unusable; beyond the bound `multiply_add` may overflow.
+    bool usable = flush(area) != 0.0 && all(lessThan(abs(plane), vec3(18446744073709551616.0)));
+    plane = usable ? plane : vec3(0.0, 0.0, a.z);
+    return vec3(settled(plane.x), settled(plane.y), settled(plane.z));
 }
 
-// Depth `offset` pixels from where it is `z`, clamped to 0..1.
-float depth_at(const float z, const float dzdx, const float dzdy, const ivec2 offset) {
-    float d = z + (dzdx * float(offset.x) + dzdy * float(offset.y));
+// Depth at the pixel, clamped to 0..1.
+float depth_at(const float z, const float dzdx, const float dzdy, const ivec2 pixel) {
+    float d = multiply_add(dzdy, float(pixel.y), multiply_add(dzdx, float(pixel.x), z));
     // Written so that every device picks +0 for anything not above zero.
     return d > 0.0 ? (d < 1.0 ? d : 1.0) : 0.0;
 }

@@ -148,8 +148,8 @@ fn to_window(piece: &Piece, [x, y, z, w]: Vec4) -> [f32; 3] {
     window
 }
 
-/// The rule of the viewport transform: product and sum with their rounding errors added back.
-fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
+/// A fused multiply-add but for double rounding in rare ties: product and sum with their rounding errors added back.
+pub(super) fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
     let product = a * b;
     // Exact in 64 bits: 24 + 24 bits of factors.
     let product_error = (f64::from(a) * f64::from(b) - f64::from(product)) as f32;
@@ -192,13 +192,11 @@ fn set_up(
     let (first_y, last_y) = pixels(y, piece.rect_min[1], piece.rect_max[1])?;
     let origin_y = input.grid.origin_y as i32;
 
-    let [dzdx, dzdy] = gradient(window);
-    let anchor = [x[0].div_euclid(256) as f32 + 0.5, y[0].div_euclid(256) as f32 + 0.5];
-    let [ax, ay, az] = window[0];
+    let [dzdx, dzdy, z] = depth_plane(window);
     let mut triangle = Triangle {
         x,
         y,
-        z: az + (dzdx * (anchor[0] - ax) + dzdy * (anchor[1] - ay)),
+        z,
         dzdx,
         dzdy,
         bounds_min: first_x as u32 | ((first_y - origin_y) as u32) << 16,
@@ -218,16 +216,16 @@ fn set_up(
     Some(triangle)
 }
 
-/// Change of depth per pixel to the right and down.
-fn gradient([a, b, c]: [[f32; 3]; 3]) -> [f32; 2] {
+/// Change of depth per pixel to the right and down, and the depth at the centre of the pixel (0, 0).
+fn depth_plane([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
     let ab: [f32; 3] = std::array::from_fn(|i| a[i] - b[i]);
     let ca: [f32; 3] = std::array::from_fn(|i| c[i] - a[i]);
     let area = ab[0] * ca[1] - ab[1] * ca[0];
-    if flush(area) == 0.0 {
-        return [0.0; 2];
-    }
     let inverse = flush(1.0 / area);
     let (cas, abs) = ([ca[0] * inverse, ca[1] * inverse], [ab[0] * inverse, ab[1] * inverse]);
-    let gradient = [ab[2] * cas[1] - ca[2] * abs[1], ca[2] * abs[0] - ab[2] * cas[0]];
-    if gradient.iter().all(|g| g.is_finite()) { gradient } else { [0.0; 2] }
+    let [dx, dy] = [ab[2] * cas[1] - ca[2] * abs[1], ca[2] * abs[0] - ab[2] * cas[0]];
+    let plane = [dx, dy, a[2] - (dx * (a[0] - 0.5) + dy * (a[1] - 0.5))];
+    let usable = flush(area) != 0.0 && plane.iter().all(|p| p.abs() < 2f32.powi(64));
+    let settled = |p: f32| if p.abs() < 2f32.powi(-64) { 0.0 } else { p };
+    if usable { plane.map(settled) } else { [0.0, 0.0, settled(a[2])] }
 }

@@ -4,7 +4,7 @@
 //! Contract: draws the triangles in API order, one after the other, as the API describes it; twin
 //! of `glsl/raster.comp`, and of `glsl/ordered.comp` where shaders neither discard nor write depth.
 
-use super::{Input, binning::edge_at, key};
+use super::{Input, binning::edge_at, key, primitive::multiply_add};
 use crate::{abi::Triangle, grid::Grid, state::Compare, trace::Parts};
 
 /// Draws all of the batch; `depth` has the pixels of the band row by row. Returns the key of the
@@ -47,9 +47,8 @@ pub fn covers(grid: &Grid, t: &Triangle, x: u32, y: u32) -> bool {
 }
 
 fn depth_at(grid: &Grid, t: &Triangle, x: u32, y: u32) -> f32 {
-    let from_anchor = |pixel: u32, corner: i32| (pixel as i32 - corner.div_euclid(256)) as f32;
-    let (x, y) = (from_anchor(x, t.x[0]), from_anchor(y + grid.origin_y, t.y[0]));
-    let z = t.z + (t.dzdx * x + t.dzdy * y);
+    let (x, y) = (x as f32, (y + grid.origin_y) as f32);
+    let z = multiply_add(t.dzdy, y, multiply_add(t.dzdx, x, t.z));
     if z > 0.0 { z.min(1.0) } else { 0.0 }
 }
 
