@@ -14,6 +14,7 @@
 //! command line is checked first, then the outputs, then the device, and only then is a scene read.
 
 mod args;
+mod conform;
 mod device;
 mod devices;
 mod doctor;
@@ -27,7 +28,7 @@ mod shot;
 mod talk;
 
 use crate::error::Result;
-use args::{Typed, Verb};
+use args::{ConformArgs, ConformSubject, Typed, Verb};
 use clap::Parser;
 use exit::Outcome;
 use std::process::ExitCode;
@@ -51,7 +52,9 @@ fn dispatch(verb: Verb) -> Result<Outcome> {
     match verb {
         Verb::Render(args) => render::run(&args),
         Verb::Parity(args) => parity::run(&args),
-        Verb::Conform(_) => Err(crate::Error::Usage("conform is not built in".into())),
+        Verb::Conform(ConformArgs { subject: ConformSubject::Shaders(args) }) => {
+            conform::shaders(&args)
+        }
         Verb::Devices(args) => devices::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
     }

@@ -50,6 +50,11 @@ impl Working {
     pub fn done(&self, steps: u64) {
         self.0.set_position(steps);
     }
+
+    /// Says how many steps there are, where that was not known at the start.
+    pub fn out_of(&self, steps: u64) {
+        self.0.set_length(steps);
+    }
 }
 
 impl Drop for Working {

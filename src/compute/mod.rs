@@ -33,10 +33,13 @@ mod vertex;
 pub use frame::Prepared;
 
 use crate::{
+    abi,
     error::Result,
+    format::Format,
     grid::Capacities,
     pass::{self, Executor, Frame, Pass},
-    plan::{IndexRanges, Plan},
+    plan::{IndexRanges, KernelKey, Plan},
+    shader::{Shader, Stage},
     trace::Trace,
     vk::{Gpu, ResourceTable, Resources},
 };
@@ -87,6 +90,24 @@ impl Renderer {
     pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
         let (plan, table, _) = self.plan(pass)?;
         frame::Setup::new(self, pass, &plan, table)?.record(self, &plan)
+    }
+
+    /// Makes the kernels that `shader` takes part in, as a first pass would: what `prepare` then
+    /// need not do, and all that a driver can refuse of a shader.
+    ///
+    /// # Errors
+    /// [`crate::Error::Shader`] if the shader is out of reach, [`crate::Error::Device`] if the driver
+    /// refuses a kernel.
+    pub fn make_kernels(&mut self, shader: &Arc<Shader>) -> Result<()> {
+        let key = KernelKey { shader: shader.clone(), specialization: Vec::new() };
+        match shader.stage {
+            Stage::Vertex => self.kernels.vertex(&key).map(|_| ()),
+            Stage::Fragment => {
+                let format = kernels::color_format(Format::Rgba8Srgb);
+                self.kernels.shade(&key, format)?;
+                self.kernels.ordered(&key, format, abi::DEPTH_EARLY_TEST).map(|_| ())
+            }
+        }
     }
 
     /// Draws `pass` batch by batch and returns every intermediate.
