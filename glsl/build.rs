@@ -7,7 +7,7 @@
 
 use rspirv::{
     binary::Assemble,
-    dr::{Instruction, Module, Operand},
+    dr::{Module, Operand},
     spirv::{Decoration, Op},
 };
 use std::{
@@ -20,6 +20,7 @@ use std::{
 #[allow(dead_code)]
 #[path = "../src/abi.rs"]
 mod abi;
+mod contraction;
 
 fn main() {
     let root = PathBuf::from("glsl");
@@ -43,7 +44,7 @@ fn main() {
             fs::write(out.join("layout.rs"), layout_checks(&module)).expect("OUT_DIR is writable");
             continue;
         }
-        forbid_contraction(&mut module);
+        contraction::forbid(&mut module);
         writeln!(
             kernels,
             "/// SPIR-V of `{name}.comp`.\npub const {}: &[u32] = &{:?};",
@@ -135,37 +136,6 @@ fn compile(path: &Path, constants: &str) -> Module {
             panic!("{}\n{numbered}\n{error}", path.display())
         });
     rspirv::dr::load_words(words).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-}
-
-/// Decorates all float arithmetic with `NoContraction`, so that a multiply and an add round twice on
-/// every device, as they do on the CPU.
-fn forbid_contraction(module: &mut Module) {
-    let exact: Vec<Instruction> = module
-        .all_inst_iter()
-        .filter(|i| {
-            matches!(
-                i.class.opcode,
-                Op::FAdd
-                    | Op::FSub
-                    | Op::FMul
-                    | Op::FDiv
-                    | Op::FNegate
-                    | Op::Dot
-                    | Op::VectorTimesScalar
-            )
-        })
-        .filter_map(|i| i.result_id)
-        .map(|id| {
-            Instruction::new(
-                Op::Decorate,
-                None,
-                None,
-                vec![Operand::IdRef(id), Operand::Decoration(Decoration::NoContraction)],
-            )
-        })
-        .filter(|decoration| !module.annotations.contains(decoration))
-        .collect();
-    module.annotations.extend(exact);
 }
 
 /// One assertion per member of every struct of `abi.comp` that `abi.rs` has too.

@@ -5,6 +5,8 @@ mod cli;
 mod common;
 mod pass;
 mod readme;
+mod kernels;
+mod property;
 mod setup;
 mod tidy;
 mod twin;

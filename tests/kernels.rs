@@ -1,0 +1,219 @@
+//! Is this GLSL function right? A probe kernel runs one function of `glsl/lib` over many inputs, on
+//! every driver, and Rust says what it should have returned.
+
+use crate::common::{kernel_spirv, on_each_gpu, random::Random};
+use bytemuck::Pod;
+use rspirv::binary::Assemble;
+use std::{fs, path::Path};
+use tilewright::{
+    abi,
+    vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
+};
+
+#[path = "../glsl/contraction.rs"]
+mod contraction;
+
+/// Runs `body`, which turns `v`, four words of input, into `r`, four words of output, over `inputs`.
+fn probe<I: Pod, O: Pod>(gpu: &Gpu, includes: &[&str], body: &str, inputs: &[I]) -> Vec<O> {
+    assert_eq!((size_of::<I>(), size_of::<O>()), (16, 16), "a probe moves four words");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
+    let mut source = format!(
+        "#version 460
+#extension GL_EXT_control_flow_attributes : require
+#define SUBPIXEL_BITS {}u
+#define KEY_LOG2 {}u
+#define MAX_CLIPPED {}u\n",
+        abi::SUBPIXEL_BITS,
+        abi::KEY_LOG2,
+        abi::MAX_CLIPPED
+    );
+    for include in includes {
+        let text = fs::read_to_string(folder.join(include)).expect("a file of glsl/");
+        // Everything a step needs is named by the test, in order.
+        source.extend(text.lines().filter(|l| !l.starts_with("#include")).flat_map(|l| [l, "\n"]));
+    }
+    source += &format!(
+        "layout(local_size_x = 64) in;
+layout(std430, binding = 0) readonly buffer Inputs {{ uvec4 inputs[]; }};
+layout(std430, binding = 1) writeonly buffer Outputs {{ uvec4 outputs[]; }};
+void main() {{
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= {}u) return;
+    uvec4 v = inputs[i], r = uvec4(0u);
+    {body}
+    outputs[i] = r;
+}}",
+        inputs.len()
+    );
+    let mut module = rspirv::dr::load_words(kernel_spirv(&source)).expect("a module");
+    contraction::forbid(&mut module);
+    let spirv = module.assemble();
+    let info = KernelInfo { name: "probe", spirv: &spirv, ..KernelInfo::default() };
+    let kernel = Kernel::new(gpu, &info).expect("a kernel");
+    let input = Buffer::upload(gpu, "inputs", inputs).expect("memory");
+    let output = Buffer::<O>::new(gpu, "outputs", inputs.len(), Memory::Device).expect("memory");
+    let mut recorder = Recorder::new(gpu, "probe").expect("a recorder");
+    let groups = [(inputs.len() as u32).div_ceil(64), 1, 1];
+    recorder
+        .kernel(&kernel)
+        .bind("Inputs", &input)
+        .bind("Outputs", &output)
+        .dispatch(groups)
+        .expect("a dispatch");
+    let output = recorder.download(&output).expect("memory");
+    recorder.submit().expect("it runs");
+    output.read().expect("it was written")
+}
+
+const CASES: usize = 20_000;
+
+/// A normal float of any exponent that quotients stay normal with, or one of the awkward ones.
+fn float(random: &mut Random) -> f32 {
+    let special =
+        [1.0, 0.5, 3.0, 1.0 / 3.0, 0.1, 1.0 + f32::EPSILON, 2.0 - f32::EPSILON, 16_777_215.0];
+    let value = match random.below(4) {
+        0 => special[random.below(special.len())],
+        1 => (1 + random.below(1 << 12)) as f32,
+        _ => {
+            let bits =
+                (127 - 50 + random.below(100) as u32) << 23 | random.bits() as u32 & 0x7f_ffff;
+            f32::from_bits(bits)
+        }
+    };
+    if random.below(2) == 0 { value } else { -value }
+}
+
+#[test]
+fn division_is_correctly_rounded() {
+    on_each_gpu("exact division", |gpu| {
+        let mut random = Random::new(1);
+        let inputs: Vec<[f32; 4]> =
+            (0..CASES).map(|_| [float(&mut random), float(&mut random), 0.0, 0.0]).collect();
+        let body =
+            "r.x = floatBitsToUint(exact_divide(uintBitsToFloat(v.x), uintBitsToFloat(v.y)));";
+        let outputs: Vec<[f32; 4]> = probe(gpu, &["lib/exact.glsl"], body, &inputs);
+        for ([a, b, ..], [q, ..]) in inputs.iter().zip(&outputs) {
+            assert_eq!(q.to_bits(), (a / b).to_bits(), "{a:e} / {b:e} is {:e}, not {q:e}", a / b);
+        }
+    });
+}
+
+#[test]
+fn a_product_and_a_sum_round_once() {
+    on_each_gpu("multiply and add", |gpu| {
+        let mut random = Random::new(2);
+        // What the viewport transform meets: device coordinates, half sizes, offsets.
+        let inputs: Vec<[f32; 4]> = (0..CASES)
+            .map(|_| {
+                [
+                    random.signed() * 2.0,
+                    (1 + random.below(16384)) as f32 / 2.0,
+                    random.below(16384) as f32 / 2.0,
+                    0.0,
+                ]
+            })
+            .collect();
+        let body =
+            "vec4 f = uintBitsToFloat(v); r.x = floatBitsToUint(multiply_add(f.x, f.y, f.z));";
+        let outputs: Vec<[f32; 4]> = probe(gpu, &["lib/exact.glsl"], body, &inputs);
+        let mut twice = 0;
+        for ([a, b, c, _], [r, ..]) in inputs.iter().zip(&outputs) {
+            let fused = a.mul_add(*b, *c);
+            let error = (i64::from(r.to_bits()) - i64::from(fused.to_bits())).abs();
+            assert!(error <= 1, "{a} * {b} + {c} is {fused}, not {r}");
+            twice += usize::from(error == 1);
+        }
+        assert!(twice <= CASES / 1000, "{twice} of {CASES} are not the fused result");
+    });
+}
+
+#[test]
+fn rounding_to_integers_takes_ties_to_even() {
+    on_each_gpu("rounding", |gpu| {
+        let mut random = Random::new(3);
+        let inputs: Vec<[f32; 4]> = (0..CASES)
+            .map(|i| {
+                let half = random.signed() * 4096.0;
+                [
+                    if i % 2 == 0 { half.round() + 0.5 } else { random.signed() * 8_388_608.0 },
+                    0.0,
+                    0.0,
+                    0.0,
+                ]
+            })
+            .collect();
+        let body = "r.x = uint(round_even(uintBitsToFloat(v.x)));";
+        let outputs: Vec<[i32; 4]> = probe(gpu, &["lib/exact.glsl"], body, &inputs);
+        for ([a, ..], [r, ..]) in inputs.iter().zip(&outputs) {
+            assert_eq!(*r, a.round_ties_even() as i32, "{a}");
+        }
+    });
+}
+
+#[test]
+fn wide_integers_are_64_bit_integers() {
+    on_each_gpu("wide integers", |gpu| {
+        let mut random = Random::new(4);
+        let inputs: Vec<[i32; 4]> = (0..CASES)
+            .map(|_| std::array::from_fn(|_| (random.bits() as i32) >> random.below(31)))
+            .collect();
+        let body = "Wide w = wide_offset(wide_subtract(wide_product(int(v.x), int(v.y)),
+            wide_product(int(v.z), int(v.w))), int(v.x) & 3);
+            r = uvec4(uint(w.hi), w.lo, uint(wide_sign(w)), uint(wide_shift_saturate(w, 8u)));";
+        let outputs: Vec<[u32; 4]> = probe(gpu, &["lib/wide.glsl"], body, &inputs);
+        for (v, r) in inputs.iter().zip(&outputs) {
+            let [a, b, c, d] = v.map(i64::from);
+            let expected = (a * b).wrapping_sub(c * d).wrapping_add(a & 3);
+            assert_eq!((u64::from(r[0]) << 32 | u64::from(r[1])) as i64, expected, "{v:?}");
+            assert_eq!(i64::from(r[2] as i32), expected.signum(), "{v:?}");
+            let limit = 1 << 30;
+            assert_eq!(i64::from(r[3] as i32), (expected >> 8).clamp(-limit, limit), "{v:?}");
+        }
+    });
+}
+
+#[test]
+fn every_pixel_of_a_bin_has_one_place() {
+    on_each_gpu("pixel order", |gpu| {
+        let inputs: Vec<[u32; 4]> = (0..abi::BIN_PIXELS).map(|i| [i, 0, 0, 0]).collect();
+        let body = "uvec2 p = tile_pixel(v.x); r = uvec4(p, tile_index(p), 0u);";
+        let outputs: Vec<[u32; 4]> = probe(gpu, &["lib/tile.glsl"], body, &inputs);
+        let mut seen = [false; abi::BIN_PIXELS as usize];
+        for (i, [x, y, back, _]) in outputs.into_iter().enumerate() {
+            assert_eq!(back as usize, i, "tile_index undoes tile_pixel");
+            assert!(!std::mem::replace(&mut seen[(y * 16 + x) as usize], true), "({x}, {y}) twice");
+            let (quad_x, quad_y) = (outputs_of(i & !3).0, outputs_of(i & !3).1);
+            assert_eq!((x & !1, y & !1), (quad_x, quad_y), "lanes 4m to 4m+3 are a quad");
+        }
+    });
+}
+
+/// Where the first pixel of a quad has to be: quads in rows of four, quadrants in rows of two.
+fn outputs_of(first: usize) -> (u32, u32) {
+    let (quadrant, quad) = (first as u32 / 64, first as u32 % 64 / 4);
+    (quadrant % 2 * 8 + quad % 4 * 2, quadrant / 2 * 8 + quad / 4 * 2)
+}
+
+#[test]
+fn edges_are_exact_far_outside_the_screen() {
+    on_each_gpu("edges", |gpu| {
+        let mut random = Random::new(5);
+        let inputs: Vec<[i32; 4]> = (0..CASES)
+            .map(|_| std::array::from_fn(|_| ((random.bits() as i32) >> 8) >> random.below(20)))
+            .collect();
+        let body = "ivec2 a = ivec2(v.xy), b = ivec2(v.zw);
+            r = uvec4(uint(edge_at(a, b, ivec2(0), 8u)), uint(edge_at(a, b, ivec2(3840, 2560), 8u)),
+            uint(edge_bias(b.x - a.x, b.y - a.y)), 0u);";
+        let outputs: Vec<[i32; 4]> = probe(gpu, &["lib/wide.glsl", "lib/edge.glsl"], body, &inputs);
+        for (v, r) in inputs.iter().zip(&outputs) {
+            let [ax, ay, bx, by] = v.map(i64::from);
+            let bias = if by < ay || (by == ay && bx > ax) { 0 } else { -1 };
+            let at = |x: i64, y: i64| {
+                let value = (bx - ax) * (y - ay) - (by - ay) * (x - ax) + bias;
+                (value >> 8).clamp(-(1 << 30), 1 << 30)
+            };
+            assert_eq!(r[2] as i64, bias, "{v:?}");
+            assert_eq!((r[0] as i64, r[1] as i64), (at(0, 0), at(3840, 2560)), "{v:?}");
+        }
+    });
+}

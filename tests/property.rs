@@ -1,0 +1,192 @@
+//! Does it hold for all inputs? Properties of rasterization over seeded random meshes.
+
+use crate::{
+    common::{self, on_each_gpu, random::Random},
+    twin::{random_pass, shaders},
+};
+use std::sync::Arc;
+use tilewright::{
+    compute,
+    format::Format,
+    grid::Capacities,
+    image::Extent,
+    pass::{Buffer, BufferRange, Draw, Executor, Pass, Pipeline},
+    shader::{Shader, Stage},
+    state::{Blend, BlendEquation, BlendFactor, BlendOp, DepthState},
+    target::ColorTarget,
+};
+
+/// Adds 1/255 to every channel of each pixel a fragment covers.
+const COUNT: &str = "#version 450
+layout(location = 0) out vec4 target;
+void main() { target = vec4(1.0 / 255.0); }";
+
+/// How often a mesh of triangles in clip space covers each pixel.
+fn coverage(
+    renderer: &mut compute::Renderer,
+    extent: Extent,
+    shaders: &(Arc<Shader>, Arc<Shader>),
+    positions: &[[f32; 4]],
+) -> Vec<u8> {
+    let mut pass = random_pass(0, shaders);
+    let add = BlendEquation { src: BlendFactor::One, dst: BlendFactor::One, op: BlendOp::Add };
+    let pipeline = Pipeline {
+        topology: Default::default(),
+        cull: Default::default(),
+        depth: DepthState::OFF,
+        blend: Some(Blend { color: add, alpha: add }),
+        ..(*pass.pipelines[0]).clone()
+    };
+    let bytes = bytemuck::cast_slice(positions).to_vec();
+    let buffer = Arc::new(Buffer { label: "mesh".into(), bytes });
+    let mut draw = Draw::new(0, positions.len() as u32);
+    draw.vertex_buffers = vec![BufferRange::whole(&buffer)];
+    pass = Pass {
+        extent,
+        color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
+        depth: None,
+        pipelines: vec![Arc::new(pipeline)],
+        draws: vec![draw],
+        ..pass
+    };
+    let frame = renderer.render(&pass).expect("it is drawn");
+    frame.color.bytes.chunks(4).map(|pixel| pixel[0]).collect()
+}
+
+fn counting_shaders() -> (Arc<Shader>, Arc<Shader>) {
+    let count = Shader::from_glsl(Stage::Fragment, "count.frag", COUNT).expect("a valid shader");
+    (shaders().0, Arc::new(count))
+}
+
+/// A grid of `n` x `n` cells over more than the screen with jittered inner corners, in perspective:
+/// each cell two triangles, cut along either diagonal. The jitter is small enough that every cell
+/// stays convex, so that nothing folds over.
+fn jittered_grid(random: &mut Random, n: usize, reach: f32, behind: bool) -> Vec<[f32; 4]> {
+    let corner: Vec<[f32; 4]> = (0..=n)
+        .flat_map(|j| (0..=n).map(move |i| (i, j)))
+        .map(|(i, j)| {
+            let jitter = 0.2 * 2.0 * reach / n as f32;
+            let x = (i as f32 / n as f32 * 2.0 - 1.0) * reach + random.signed() * jitter;
+            let y = (j as f32 / n as f32 * 2.0 - 1.0) * reach + random.signed() * jitter;
+            let w = 0.5 + random.unit();
+            // A floor that reaches behind the eye crosses the near plane and w = 0.
+            if behind { [x, 0.4, y * 0.5, y] } else { [x * w, y * w, 0.5 * w, w] }
+        })
+        .collect();
+    let mut triangles = Vec::new();
+    for j in 0..n {
+        for i in 0..n {
+            let at = |di: usize, dj: usize| corner[(j + dj) * (n + 1) + i + di];
+            let (a, b, c, d) = (at(0, 0), at(1, 0), at(1, 1), at(0, 1));
+            let cut = match random.below(2) {
+                0 => [a, b, c, a, c, d],
+                _ => [a, b, d, b, c, d],
+            };
+            triangles.extend(cut);
+        }
+    }
+    triangles
+}
+
+#[test]
+fn triangles_of_an_edge_leave_no_gap_and_share_no_pixel() {
+    on_each_gpu("shared edges", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+        let shaders = counting_shaders();
+        for seed in 0..40 {
+            let mut random = Random::new(seed);
+            let n = 1 + random.below(30);
+            // Up to a thousand times the screen, so that the guard band clips.
+            let reach = [1.3, 2.0, 40.0, 1000.0][random.below(4)];
+            let mesh = jittered_grid(&mut random, n, reach, false);
+            let extent = Extent::new(1 + random.below(120) as u32, 1 + random.below(120) as u32);
+            let counts = coverage(&mut renderer, extent, &shaders, &mesh);
+            // The jitter of the outermost corners may leave the border open, not the inside.
+            let open = counts.iter().filter(|&&c| c != 1).count();
+            let doubled = counts.iter().filter(|&&c| c > 1).count();
+            assert_eq!(doubled, 0, "seed {seed}: pixels covered twice");
+            let inside = reach > 1.5;
+            assert!(!inside || open == 0, "seed {seed}: {open} pixels not covered");
+        }
+    });
+}
+
+#[test]
+fn a_floor_through_the_near_plane_has_no_gap() {
+    on_each_gpu("near plane", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+        let shaders = counting_shaders();
+        for seed in 0..20 {
+            let mut random = Random::new(100 + seed);
+            let n = 2 + random.below(12);
+            let mesh = jittered_grid(&mut random, n, 30.0, true);
+            let extent = Extent::new(97, 61);
+            let counts = coverage(&mut renderer, extent, &shaders, &mesh);
+            let worst = counts.iter().max().copied().unwrap_or(0);
+            assert!(worst <= 1, "seed {seed}: a pixel is covered {worst} times");
+            // Each column is covered from one row down without a hole.
+            for x in 0..97 {
+                let column: Vec<u8> = (0..61).map(|y| counts[y * 97 + x]).collect();
+                let changes = column.windows(2).filter(|w| w[0] != w[1]).count();
+                assert!(changes <= 2, "seed {seed}: column {x} has a gap: {column:?}");
+            }
+        }
+    });
+}
+
+#[test]
+fn a_shift_by_whole_pixels_moves_the_picture() {
+    let gpu = common::gpu();
+    let mut renderer = compute::Renderer::new(&gpu).expect("kernels are made");
+    let shaders = counting_shaders();
+    let extent = Extent::new(128, 128);
+    for seed in 0..40 {
+        let mut random = Random::new(200 + seed);
+        // Corners on 1/256 pixel and a power-of-two target: the shift is exact in floats.
+        let mut mesh: Vec<[f32; 4]> = Vec::new();
+        for _ in 0..60 {
+            let coordinate =
+                |random: &mut Random| random.below(100 * 256) as f32 / (64.0 * 256.0) - 1.0;
+            mesh.push([coordinate(&mut random), coordinate(&mut random), 0.5, 1.0]);
+        }
+        let (dx, dy) = (random.below(28), random.below(28));
+        let moved: Vec<[f32; 4]> = (mesh.iter())
+            .map(|p| [p[0] + dx as f32 / 64.0, p[1] + dy as f32 / 64.0, p[2], p[3]])
+            .collect();
+        let before = coverage(&mut renderer, extent, &shaders, &mesh);
+        let after = coverage(&mut renderer, extent, &shaders, &moved);
+        for y in 0..128 - dy {
+            for x in 0..128 - dx {
+                let (a, b) = (before[y * 128 + x], after[(y + dy) * 128 + x + dx]);
+                assert_eq!(a, b, "seed {seed}, shift ({dx}, {dy}), pixel ({x}, {y})");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_picture_does_not_depend_on_the_batch_size() {
+    on_each_gpu("batch size", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+        let shaders = shaders();
+        for seed in 2000..2060 {
+            let pass = random_pass(seed, &shaders);
+            let mut frames = [1, 7, 64, 1 << 17].map(|primitives| {
+                renderer.set_batch_limit(Capacities {
+                    primitives,
+                    vertices: 3 * primitives,
+                    varying_words: 1 << 20,
+                });
+                renderer.render(&pass).expect("it is drawn")
+            });
+            let [first, rest @ ..] = &mut frames;
+            for other in rest {
+                assert!(
+                    first.color == other.color,
+                    "seed {seed}: colours depend on the batch size"
+                );
+                assert!(first.depth == other.depth, "seed {seed}: depths depend on the batch size");
+            }
+        }
+    });
+}
