@@ -8,6 +8,7 @@ mod readme;
 mod kernels;
 mod property;
 mod setup;
+mod splice;
 mod tidy;
 mod twin;
 mod vk;

@@ -176,13 +176,18 @@ pub(super) fn leaf_type(index: &Index, ty: Word) -> Outcome<(Scalar, u32)> {
     }
 }
 
-/// The length of an array.
+/// The length of an array. A specialization constant's default counts, since reflection knows no other;
+/// a pipeline that sets another value is refused.
 pub(super) fn length(index: &Index, id: Word, specialization: Specialization) -> Outcome<u32> {
-    let chosen = index
-        .literal(id, Decoration::SpecId)
-        .and_then(|spec| specialization.iter().find(|&&(id, _)| id == spec))
-        .map(|&(_, value)| value);
-    chosen.map_or_else(|| index.constant(id), Ok)
+    let default = index.constant(id)?;
+    let constant = index.literal(id, Decoration::SpecId);
+    match constant.and_then(|c| specialization.iter().find(|&&(id, _)| id == c)) {
+        Some(&(constant, value)) if value != default => Err(format!(
+            "an `in` or `out` array whose length the specialization constant {constant} changes \
+             from {default} to {value}"
+        )),
+        _ => Ok(default),
+    }
 }
 
 /// Whether the storage class is that of varyings and built-ins.

@@ -63,7 +63,8 @@ pub enum Derivatives {
 pub struct SpliceOptions<'a> {
     /// How the kernel gets derivatives.
     pub derivatives: Derivatives,
-    /// The pipeline's specialization constants: they may be lengths of arrays of inputs and outputs.
+    /// The pipeline's specialization constants. One that changes the length of an array of inputs or
+    /// outputs is refused.
     pub specialization: &'a [(u32, u32)],
 }
 
