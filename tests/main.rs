@@ -3,10 +3,10 @@
 mod classic;
 mod cli;
 mod common;
-mod pass;
-mod readme;
 mod kernels;
+mod pass;
 mod property;
+mod readme;
 mod setup;
 mod splice;
 mod tidy;
