@@ -7,6 +7,7 @@ mod kernels;
 mod pass;
 mod property;
 mod readme;
+mod scene;
 mod setup;
 mod splice;
 mod tidy;

@@ -17,6 +17,7 @@
 
 mod bounds;
 mod build;
+mod builtin;
 mod camera;
 mod files;
 mod gltf;

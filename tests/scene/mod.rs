@@ -1,0 +1,7 @@
+//! Do scenes load right, and does everything else end with a sentence?
+
+mod files;
+mod loaded;
+mod valid;
+
+pub use valid::check;
