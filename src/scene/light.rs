@@ -24,10 +24,10 @@ impl Default for Light {
     fn default() -> Self {
         Self {
             key_direction: Vec3::new(0.45, 0.75, 0.5).normalize(),
-            key_color: Vec3::new(1.02, 0.96, 0.86) * 1.15,
-            sky: Vec3::new(0.52, 0.62, 0.78),
-            horizon: Vec3::new(0.74, 0.76, 0.78),
-            ground: Vec3::new(0.26, 0.23, 0.20),
+            key_color: Vec3::new(1.0, 0.96, 0.89),
+            sky: Vec3::new(0.42, 0.48, 0.57),
+            horizon: Vec3::new(0.74, 0.74, 0.74),
+            ground: Vec3::new(0.22, 0.20, 0.18),
             background: Vec3::new(0.115, 0.125, 0.145),
         }
     }

@@ -3,11 +3,10 @@
 //! A [`Mesh`] is on its way to a [`Part`](super::build::Part): missing normals and tangents are
 //! made here, so that shaders never have to guess.
 
-use super::bounds::Bounds;
+use super::{bounds::Bounds, hash::BitMap};
 use crate::state::Topology;
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use glam::{Vec2, Vec3, Vec4};
-use std::collections::HashMap;
 
 /// Vertices and indices in one canonical form.
 #[derive(Clone, Debug, Default)]
@@ -88,31 +87,53 @@ impl Mesh {
     /// For OBJ files without normals, which leave the choice to the reader.
     pub fn make_smooth_normals(&mut self, crease: f32) {
         self.tangents.clear();
-        self.unshare();
+        let triangles = self.triangles();
+        let places = self.places();
         // Cross products have twice the triangle's area as length: large faces weigh more.
-        let faces: Vec<Vec3> =
-            self.positions.chunks_exact(3).map(|t| (t[1] - t[0]).cross(t[2] - t[0])).collect();
-        let mut around: HashMap<[u32; 3], Vec<u32>> = HashMap::new();
-        for (i, p) in self.positions.iter().enumerate() {
-            around.entry(p.to_array().map(f32::to_bits)).or_default().push(i as u32 / 3);
+        let position = |i: u32| self.positions[i as usize];
+        let face =
+            |[a, b, c]: &[u32; 3]| (position(*b) - position(*a)).cross(position(*c) - position(*a));
+        let faces: Vec<Vec3> = triangles.iter().map(face).collect();
+        let units: Vec<Vec3> = faces.iter().map(|f| f.normalize_or_zero()).collect();
+        // The faces around each place, one list after the other.
+        let mut ends = vec![0; places.iter().map(|&p| p as usize + 1).max().unwrap_or(0) + 1];
+        for corner in triangles.as_flattened() {
+            ends[places[*corner as usize] as usize + 1] += 1;
         }
-        self.normals = self
-            .positions
-            .iter()
-            .enumerate()
-            .map(|(i, p)| {
-                let own = faces[i / 3].normalize_or_zero();
-                let faces_here = &around[&p.to_array().map(f32::to_bits)];
-                // A corner with hundreds of faces is a fan's hub; each face alone is near enough.
-                let sum: Vec3 = faces_here
-                    .iter()
-                    .take(64)
-                    .map(|&f| faces[f as usize])
-                    .filter(|f| f.normalize_or_zero().dot(own) >= crease)
-                    .sum();
-                sum.try_normalize().or(own.try_normalize()).unwrap_or(Vec3::Y)
-            })
-            .collect();
+        for i in 1..ends.len() {
+            ends[i] += ends[i - 1];
+        }
+        let mut next = ends.clone();
+        let mut around = vec![0u32; triangles.len() * 3];
+        for (i, corner) in triangles.as_flattened().iter().enumerate() {
+            let slot = &mut next[places[*corner as usize] as usize];
+            around[*slot] = i as u32 / 3;
+            *slot += 1;
+        }
+        let mut normals = Vec::with_capacity(triangles.len() * 3);
+        for (i, corner) in triangles.as_flattened().iter().enumerate() {
+            let (place, own) = (places[*corner as usize] as usize, units[i / 3]);
+            // A place with hundreds of faces is a fan's hub; a share of them is near enough, and
+            // no file can ask for the square of its faces.
+            let here = around[ends[place]..ends[place + 1]].iter().take(64);
+            let smooth = here.filter(|f| units[**f as usize].dot(own) >= crease);
+            let sum: Vec3 = smooth.map(|f| faces[*f as usize]).sum();
+            normals.push(sum.try_normalize().or(own.try_normalize()).unwrap_or(Vec3::Y));
+        }
+        self.unshare();
+        self.normals = normals;
+        self.share();
+    }
+
+    /// For each vertex the number of its position; equal positions have one number.
+    fn places(&self) -> Vec<u32> {
+        let mut seen: BitMap<[u32; 3], u32> =
+            BitMap::with_capacity_and_hasher(self.positions.len(), Default::default());
+        let mut place = |p: &Vec3| {
+            let next = seen.len() as u32;
+            *seen.entry(p.to_array().map(f32::to_bits)).or_insert(next)
+        };
+        self.positions.iter().map(&mut place).collect()
     }
 
     /// Makes tangents with the algorithm that normal maps are baked with (MikkTSpace), for the
@@ -135,7 +156,8 @@ impl Mesh {
 
     /// Merges vertices that are equal in every bit; the mesh is an unshared triangle list.
     fn share(&mut self) {
-        let mut seen: HashMap<[u32; 20], u32> = HashMap::with_capacity(self.positions.len() / 3);
+        let mut seen: BitMap<[u32; 18], u32> =
+            BitMap::with_capacity_and_hasher(self.positions.len() / 3, Default::default());
         let (mut order, mut indices) = (Vec::new(), Vec::with_capacity(self.positions.len()));
         for i in 0..self.positions.len() {
             let next = order.len() as u32;
@@ -150,8 +172,8 @@ impl Mesh {
     }
 
     /// All of vertex `i`, comparable.
-    fn bits(&self, i: usize) -> [u32; 20] {
-        let mut bits = [0; 20];
+    fn bits(&self, i: usize) -> [u32; 18] {
+        let mut bits = [0; 18];
         bits[0..3].copy_from_slice(&self.positions[i].to_array().map(f32::to_bits));
         if let Some(n) = self.normals.get(i) {
             bits[3..6].copy_from_slice(&n.to_array().map(f32::to_bits));

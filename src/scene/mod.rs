@@ -21,6 +21,7 @@ mod builtin;
 mod camera;
 mod files;
 mod gltf;
+mod hash;
 mod light;
 mod load;
 mod material;

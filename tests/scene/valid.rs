@@ -9,6 +9,7 @@ use tilewright::{
 /// Asserts that every draw of `pass` reads only what is there, in the layout that its pipeline and
 /// shaders expect.
 pub fn check(pass: &Pass) {
+    pass.validate().unwrap_or_else(|e| panic!("{e}"));
     for (i, draw) in pass.draws.iter().enumerate() {
         let pipeline = &pass.pipelines[draw.pipeline];
         check_vertices(pipeline, draw, i);

@@ -184,8 +184,8 @@ fn inner_soup(builder: &mut Builder, seed: u64) -> std::result::Result<(), Strin
 
 /// The soup seen from inside: triangles cross all borders, the near plane and the plane of the eye.
 fn clipped_soup(builder: &mut Builder, seed: u64) -> std::result::Result<(), String> {
-    let mut camera = Camera::look_at(Vec3::new(0.1, 0.05, 0.2), Vec3::NEG_Z, Vec3::Y, 1.2);
-    camera.projection = super::Projection::Perspective { yfov: 1.2, near: 0.02, far: Some(1.1) };
+    let mut camera = Camera::look_at(Vec3::new(0.1, 0.05, 0.8), Vec3::NEG_Z, Vec3::Y, 1.2);
+    camera.projection = super::Projection::Perspective { yfov: 1.2, near: 0.05, far: Some(1.8) };
     builder.cameras.push(camera);
     add(builder, &soup::soup(seed, 4000), painted(), Mat4::from_scale(Vec3::splat(1.3)))
 }

@@ -2,6 +2,7 @@
 
 use super::data::Checks;
 use gltf::json::Root;
+use serde_json::{Map, Value};
 
 /// The parts of a file.
 pub(super) struct Container<'a> {
@@ -36,12 +37,12 @@ impl<'a> Container<'a> {
             false => (bytes, None),
         };
         let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
-        let root = Root::from_slice(json).map_err(|e| format!("the JSON is not glTF 2.0: {e}"))?;
+        let root = read(json)?;
         let wanted = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
         if !wanted.starts_with("2.")
             || root.asset.min_version.as_deref().is_some_and(|v| v != "2.0")
         {
-            return Err(format!("it is glTF {wanted}; only 2.0 can be read"));
+            return Err(format!("it says that it is glTF `{wanted}`; only 2.0 can be read"));
         }
         for extension in &root.extensions_required {
             if DRAWN.contains(&extension.as_str()) {
@@ -61,6 +62,38 @@ impl<'a> Container<'a> {
         }
         Ok(Self { root, binary })
     }
+}
+
+/// The typed document. What the parser refuses although glTF allows it is mended first: scenes
+/// without nodes, and animation channels without a node, which are to be passed over; so are lights,
+/// whose faults are none of ours.
+fn read(json: &[u8]) -> Checks<Root> {
+    let fault = |e| format!("the JSON is not glTF 2.0: {e}");
+    let first = match Root::from_slice(json) {
+        Ok(root) => return Ok(root),
+        Err(first) => first,
+    };
+    let Ok(mut document) = serde_json::from_slice::<Value>(json) else { return Err(fault(first)) };
+    let each = |list: Option<&mut Value>, mend: &dyn Fn(&mut Map<String, Value>)| {
+        let objects = list.and_then(Value::as_array_mut).into_iter().flatten();
+        objects.filter_map(Value::as_object_mut).for_each(mend);
+    };
+    each(document.get_mut("scenes"), &|scene| {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    });
+    each(document.get_mut("animations"), &|animation| {
+        if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
+            channels.retain(|c| c.get("target").is_none_or(|t| t.get("node").is_some()));
+        }
+    });
+    let unlit = |object: &mut Map<String, Value>| {
+        if let Some(extensions) = object.get_mut("extensions").and_then(Value::as_object_mut) {
+            extensions.remove("KHR_lights_punctual");
+        }
+    };
+    each(document.get_mut("nodes"), &unlit);
+    document.as_object_mut().map(unlit);
+    serde_json::from_value(document).map_err(|_| fault(first))
 }
 
 /// JSON and buffer of a GLB.
@@ -132,8 +165,19 @@ mod tests {
     }
 
     #[test]
+    fn what_gltf_allows_is_mended() {
+        let odd = br#"{"asset":{"version":"2.0"},"scenes":[{}],"animations":[{"samplers":[],
+            "channels":[{"sampler":0,"target":{"path":"pointer"}}]}],
+            "extensions":{"KHR_lights_punctual":{}}}"#;
+        let root = Container::parse(odd, &mut Vec::new()).unwrap().root;
+        assert!(root.scenes[0].nodes.is_empty() && root.animations[0].channels.is_empty());
+        let wrong = br#"{"asset":{"version":"2.0"},"scenes":[{}],"meshes":[{}]}"#;
+        assert!(fault(wrong).contains("line"), "the fault is that of the file as it stands");
+    }
+
+    #[test]
     fn versions_and_required_extensions() {
-        assert!(fault(br#"{"asset":{"version":"1.0"}}"#).contains("glTF 1.0"));
+        assert!(fault(br#"{"asset":{"version":"1.0"}}"#).contains("glTF `1.0`"));
         let required = br#"{"asset":{"version":"2.0"},
             "extensionsRequired":["KHR_draco_mesh_compression"]}"#;
         assert!(fault(required).contains("KHR_draco_mesh_compression"));

@@ -265,7 +265,7 @@ impl<'a> Data<'a> {
             below(highest)?;
             return Ok((slice, format, (slice.bytes / format.bytes()) as u32));
         }
-        let list = self.accessor(index)?.integers(index)?;
+        let list = self.indices(index)?;
         let highest = list.iter().copied().max().unwrap_or(0);
         if !list.is_empty() {
             below(highest)?;
@@ -280,9 +280,15 @@ impl<'a> Data<'a> {
         Ok((slice, format, list.len() as u32))
     }
 
+    fn indices(&self, index: usize) -> Checks<Vec<u32>> {
+        let accessor = self.accessor(index)?;
+        accessor.expect(&[1], "an index accessor")?;
+        accessor.integers(index)
+    }
+
     /// The accessor as indices that are all below `vertices`.
     pub fn index_list(&self, index: usize, vertices: usize) -> Checks<Vec<u32>> {
-        let list = self.accessor(index)?.integers(index)?;
+        let list = self.indices(index)?;
         match list.iter().find(|&&i| i as usize >= vertices) {
             Some(&bad) => Err(too_high(index, bad, vertices)),
             None => Ok(list),

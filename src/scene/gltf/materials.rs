@@ -103,7 +103,6 @@ impl Reader<'_, '_> {
         let sets = self.place(&mut out, references)?;
         if let Some(glass) = extensions.and_then(|e| e.transmission.as_ref())
             && glass.transmission_factor.0 > 0.0
-            && out.alpha == AlphaMode::Opaque
         {
             // Light that passes straight through, as coverage: no refraction, no blur.
             out.alpha = AlphaMode::Blend;

@@ -48,7 +48,19 @@ pub(super) fn load(path: &Path, name: &str, bytes: &[u8], time: Option<f32>) -> 
     for &node in &hierarchy.order {
         loader.node(node, &hierarchy).map_err(|e| format!("node {node}: {e}"))?;
     }
+    audit(&data, &mut builder);
     builder.finish(name)
+}
+
+/// Warns of what is wrong where nothing needed it.
+fn audit(data: &Data, builder: &mut Builder) {
+    let faults = (0..data.root.accessors.len()).filter_map(|i| data.accessor(i).err());
+    for fault in faults.take(20).collect::<Vec<_>>() {
+        builder.warn(format!("not drawn, but wrong: {fault}"));
+    }
+    if builder.parts.is_empty() {
+        builder.warn("the scene has nothing that can be drawn");
+    }
 }
 
 /// The nodes that the scene shows.

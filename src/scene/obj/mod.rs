@@ -8,6 +8,7 @@ use super::{
     Scene,
     build::{Builder, Outcome},
     files,
+    hash::BitMap,
     material::{AlphaMode, Map, Material, TextureUse},
     mesh::Mesh,
     texture::{ColorSpace, decode, decode_rgba, height_to_normal, srgb_to_linear, with_mips},
@@ -48,6 +49,9 @@ pub(super) fn load(path: &Path, name: &str, bytes: &[u8]) -> Outcome<Scene> {
             mesh.make_tangents(set);
         }
         builder.mesh_node(&mesh, material, Mat4::IDENTITY)?;
+    }
+    if obj.groups.is_empty() {
+        builder.warn("the file has no faces");
     }
     builder.finish(name)
 }
@@ -91,7 +95,8 @@ fn mesh(obj: &Obj, group: &Group) -> Mesh {
     let has_uvs = group.corners.iter().any(|c| c[1] != NONE);
     let has_normals = group.corners.iter().all(|c| c[2] != NONE);
     let mut mesh = Mesh::default();
-    let mut numbers: HashMap<parse::Corner, u32> = HashMap::with_capacity(group.corners.len() / 2);
+    let mut numbers: BitMap<parse::Corner, u32> =
+        BitMap::with_capacity_and_hasher(group.corners.len() / 2, Default::default());
     let mut indices = Vec::with_capacity(group.corners.len());
     let mut add = |corner: parse::Corner, mesh: &mut Mesh| {
         *numbers.entry(corner).or_insert_with(|| {

@@ -67,6 +67,12 @@ pub(super) fn parse(text: &str) -> Result<Obj, String> {
             parser.skipped
         ));
     }
+    if parser.dangling > 0 {
+        obj.warnings.push(format!(
+            "{} texture coordinates or normals of faces do not exist and are left out",
+            parser.dangling
+        ));
+    }
     if parser.curves {
         obj.warnings.push("curves and free-form surfaces are not drawn".into());
     }
@@ -121,6 +127,8 @@ struct Parser {
     groups: HashMap<(u32, u32, Smoothing), usize>,
     names: HashMap<String, u32>,
     skipped: usize,
+    /// Corners whose texture coordinate or normal does not exist.
+    dangling: usize,
     curves: bool,
 }
 
@@ -196,20 +204,22 @@ impl Parser {
                 if text.is_empty() {
                     continue;
                 }
-                let what = ["vertex", "texture coordinate", "normal"][i];
                 let bad = || format!("`{word}` is no corner of a face");
                 let number: i64 = text.parse().map_err(|_| bad())?;
                 let found = match number {
                     1.. => number - 1,
                     _ => counts[i] as i64 + number,
                 };
-                if number == 0 || found < 0 || found >= counts[i] as i64 {
+                let exists = number != 0 && found >= 0 && found < counts[i] as i64;
+                if !exists && i == 0 {
                     return Err(format!(
-                        "a face refers to {what} {number}, but there are {} so far",
+                        "a face refers to vertex {number}, but there are {} so far",
                         counts[i]
                     ));
                 }
-                *slot = found as u32;
+                // Files that name texture coordinates or normals that they lack are common.
+                self.dangling += usize::from(!exists);
+                *slot = if exists { found as u32 } else { NONE };
             }
             if corner[0] == NONE {
                 return Err(format!("`{word}` has no vertex"));
