@@ -16,9 +16,14 @@ impl Bounds {
     pub const EMPTY: Self =
         Self { min: Vec3::splat(f32::INFINITY), max: Vec3::splat(f32::NEG_INFINITY) };
 
-    /// The box of `points`; points that are not finite are left out, since they cannot be seen.
+    /// The box of `points`; those without a [place](Bounds::is_placed) are left out.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
-        points.into_iter().fold(Self::EMPTY, |b, p| if p.is_finite() { b.with(p) } else { b })
+        points.into_iter().fold(Self::EMPTY, |b, p| if placed(p) { b.with(p) } else { b })
+    }
+
+    /// Whether both corners have a place: finite, and so far from overflow that distances are too.
+    pub fn is_placed(&self) -> bool {
+        placed(self.min) && placed(self.max)
     }
 
     /// Whether it contains no point.
@@ -72,6 +77,11 @@ impl Bounds {
             + transform.z_axis.truncate().abs() * half.z;
         Self { min: center - half, max: center + half }
     }
+}
+
+/// Squares of coordinates below this are finite.
+fn placed(p: Vec3) -> bool {
+    p.abs().cmplt(Vec3::splat(1e18)).all()
 }
 
 /// Where a box lies in relation to a [`Frustum`].

@@ -266,6 +266,10 @@ impl Builder {
                     }
                 }
             }
+            // What lies nowhere is never drawn, and does not push the rest out of view.
+            for item in items[first..].iter_mut().filter(|item| !item.bounds.is_placed()) {
+                item.bounds = Bounds::EMPTY;
+            }
             let bounds = items[first..].iter().fold(Bounds::EMPTY, |b, item| b.union(item.bounds));
             nodes.push(CullNode { end: i + 1, bounds, items: first..items.len() });
         }

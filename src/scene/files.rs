@@ -51,8 +51,12 @@ pub(super) fn find_by_name(folder: &Path, name: &str) -> Option<PathBuf> {
     find(folder, name).or_else(|| find(folder, last))
 }
 
-/// Undoes `%20` and the like; what is no valid escape stays.
+/// Undoes `%20` and the like; what is no valid escape stays, and so does what is no UTF-8.
 pub(super) fn percent_decode(text: &str) -> String {
+    String::from_utf8(percent_decode_bytes(text)).unwrap_or_else(|_| text.to_owned())
+}
+
+fn percent_decode_bytes(text: &str) -> Vec<u8> {
     let bytes = text.as_bytes();
     let digit = |at: usize| bytes.get(at).and_then(|b| (*b as char).to_digit(16));
     let (mut out, mut i) = (Vec::with_capacity(bytes.len()), 0);
@@ -68,7 +72,7 @@ pub(super) fn percent_decode(text: &str) -> String {
             }
         }
     }
-    String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
+    out
 }
 
 /// The bytes of a `data:` URI, `None` if `uri` is none.
@@ -78,7 +82,7 @@ pub(super) fn data_uri(uri: &str) -> Option<std::result::Result<Vec<u8>, String>
         return Some(Err("a data URI has no comma".into()));
     };
     if !head.ends_with(";base64") {
-        return Some(Ok(percent_decode(data).into_bytes()));
+        return Some(Ok(percent_decode_bytes(data)));
     }
     Some(base64(data.as_bytes()))
 }
@@ -133,6 +137,7 @@ mod tests {
     fn uris_and_escapes() {
         assert_eq!(data_uri("data:;base64,Zm8=").unwrap().unwrap(), b"fo");
         assert_eq!(data_uri("data:text/plain,a%20b").unwrap().unwrap(), b"a b");
+        assert_eq!(data_uri("data:,%00%80%ff").unwrap().unwrap(), [0, 0x80, 0xff]);
         assert!(data_uri("data:;base64").unwrap().is_err());
         assert!(data_uri("file.bin").is_none());
         assert_eq!(percent_decode("a%20b%e2%9d%a4%zz%2"), "a b❤%zz%2");

@@ -89,7 +89,7 @@ pub(super) fn with_mips(
 fn taps(from: usize, to: usize, i: usize) -> ([usize; 3], [f32; 3]) {
     match from {
         1 => ([0; 3], [1.0, 0.0, 0.0]),
-        _ if from % 2 == 0 => ([2 * i, 2 * i + 1, 2 * i], [0.5, 0.5, 0.0]),
+        _ if from.is_multiple_of(2) => ([2 * i, 2 * i + 1, 2 * i], [0.5, 0.5, 0.0]),
         _ => {
             let n = from as f32;
             let weights = [(to - i) as f32 / n, to as f32 / n, (i + 1) as f32 / n];

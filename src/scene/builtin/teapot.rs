@@ -209,9 +209,8 @@ mod tests {
         let patches = patches();
         for quarters in patches[..24].chunks(4) {
             for q in 0..4 {
-                for row in 0..4 {
-                    assert_eq!(quarters[q][row][3], quarters[(q + 1) % 4][row][0]);
-                }
+                let seam = |patch: &Patch, column: usize| patch.map(|row| row[column]);
+                assert_eq!(seam(&quarters[q], 3), seam(&quarters[(q + 1) % 4], 0));
             }
         }
     }
