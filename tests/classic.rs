@@ -370,6 +370,29 @@ fn targets_of_every_format_are_cleared_and_drawn() {
 }
 
 #[test]
+fn what_a_device_lacks_is_named_and_not_tried() {
+    let case = "what a device lacks is named and not tried";
+    let Some(gpu) = crate::common::swiftshader(case) else { return };
+    let fragment = "layout(location = 0) out vec4 color;
+void main() { color = vec4(float(gl_PrimitiveID)); }";
+    let vertex = "void main() { gl_Position = vec4(0, 0, 0, 1); }";
+    let pass = pass(Extent::new(1, 1), vec![pipeline(vertex, fragment)], vec![Draw::new(0, 3)]);
+    let text = Renderer::new(&gpu).unwrap().render(&pass).unwrap_err().to_string();
+    assert!(text.contains("test.frag") && text.contains("geometryShader"), "{text}");
+}
+
+#[test]
+fn what_does_not_fit_the_device_is_refused() {
+    let case = "what does not fit the device is refused";
+    let Some(gpu) = crate::common::swiftshader(case) else { return };
+    let mut renderer = Renderer::new(&gpu).unwrap();
+    let error = renderer.render(&pass(Extent::new(16384, 1), vec![], vec![])).unwrap_err();
+    let text = error.to_string();
+    assert!(matches!(error, tilewright::Error::Full(_)), "{text}");
+    assert!(text.contains("16384x1") && text.contains("8192"), "{text}");
+}
+
+#[test]
 fn unusual_sizes_are_drawn_to_the_last_pixel() {
     let gpu = gpu();
     for extent in [Extent::new(1, 1), Extent::new(1921, 1079), Extent::new(16384, 16)] {

@@ -7,7 +7,7 @@ use crate::{
     pass::{Pass, Pipeline, StepRate, VertexAttribute},
     shader::{Resource, Shader},
     state::{BlendEquation, BlendFactor, BlendOp, Compare, Cull, FrontFace, Topology},
-    vk::{Gpu, vk_format},
+    vk::{Gpu, missing_feature, vk_format},
 };
 use ash::vk;
 
@@ -82,6 +82,11 @@ impl<'g> Modules<'g> {
     fn new(gpu: &'g Gpu, shaders: [&Shader; 2]) -> Result<Self> {
         let mut modules = Self { gpu, raw: Vec::new() };
         for shader in shaders {
+            if let Some(feature) = missing_feature(&gpu.0.lacking, &shader.spirv) {
+                let device = &gpu.info().name;
+                let reason = format!("it needs {feature}, which {device} does not offer");
+                return Err(Error::shader(&shader.label, reason));
+            }
             let info = vk::ShaderModuleCreateInfo::default().code(&shader.spirv);
             // SAFETY: `Shader` was parsed and reflected; the words are passed as they are.
             let module = unsafe { gpu.0.device.create_shader_module(&info, None) }

@@ -2,7 +2,7 @@
 
 use super::{bindings::Bindings, layout::STAGES, pipeline::Compiled};
 use crate::{
-    error::Result,
+    error::{Error, Result},
     format::Format,
     image::{self, Extent},
     pass::{Draw, Frame, IndexFormat, Pass},
@@ -195,6 +195,13 @@ fn record_draw(
         max_depth: 1.0,
     };
     let Viewport { x, y, width, height, min_depth, max_depth } = draw.viewport.unwrap_or(whole);
+    let side = gpu.limits().target_side_px;
+    if width.max(height.abs()) > side as f32 {
+        return Err(Error::Full(format!(
+            "a viewport of {width}x{height} is larger than {} allows: at most {side} pixels a side",
+            gpu.info().name
+        )));
+    }
     let viewport = [vk::Viewport { x, y, width, height, min_depth, max_depth }];
     let whole = Rect { x: 0, y: 0, width: extent.width, height: extent.height };
     let Rect { x, y, width, height } = draw.scissor.unwrap_or(whole);

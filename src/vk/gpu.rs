@@ -1,7 +1,7 @@
 //! The opened device: queue, memory, layouts and caches, shared by everything made from it.
 
 use super::{
-    cache,
+    cache, capability,
     device::{self, DeviceInfo, DeviceKind, Require},
     error::{capacity, describe},
     instance::Instance,
@@ -15,6 +15,7 @@ use gpu_allocator::{
     AllocationSizes, MemoryLocation,
     vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc},
 };
+use rspirv::spirv::Capability;
 use std::{
     collections::HashMap,
     path::PathBuf,
@@ -62,6 +63,8 @@ pub struct Limits {
     pub storage_range_bytes: u64,
     /// Bytes of one buffer.
     pub buffer_bytes: u64,
+    /// Bytes of one image, or of anything else that is allocated.
+    pub allocation_bytes: u64,
     /// Alignment of a storage-buffer binding's offset.
     pub storage_offset_bytes: u64,
     /// Workgroups of one dispatch, in each direction.
@@ -76,6 +79,9 @@ pub struct Limits {
     pub subgroup_sizes: (u32, u32),
     /// Pixels of a two-dimensional image, in each direction.
     pub image_side_px: u32,
+    /// Pixels of a target that the device draws to itself, in each direction; compute has no such
+    /// limit.
+    pub target_side_px: u32,
     /// Bytes of device-local memory.
     pub memory_bytes: u64,
 }
@@ -99,6 +105,7 @@ pub(crate) struct Shared {
     pub timeout: Duration,
     pub push_constant_bytes: u32,
     pub draw_limits: DrawLimits,
+    pub lacking: Vec<(Capability, &'static str)>,
     pub debug: Option<ext::debug_utils::Device>,
     pub validation: bool,
     pub pipeline_cache: vk::PipelineCache,
@@ -192,6 +199,7 @@ impl Gpu {
                 images: probe.properties.limits.max_per_stage_descriptor_sampled_images,
                 samplers: probe.properties.limits.max_per_stage_descriptor_samplers,
             },
+            lacking: capability::lacking(&probe),
             debug,
             validation,
             pipeline_cache: vk::PipelineCache::null(),
@@ -298,6 +306,10 @@ impl Shared {
         let full = || {
             capacity(what, requirements.size, self.memory_limit_name(), self.limits.memory_bytes)
         };
+        if requirements.size > self.limits.allocation_bytes {
+            let limit_of = format!("one allocation on {}", self.info.name);
+            return Err(capacity(what, requirements.size, limit_of, self.limits.allocation_bytes));
+        }
         if requirements.size > self.limits.memory_bytes {
             return Err(full());
         }
@@ -414,6 +426,7 @@ fn limits(probe: &Probe, info: &DeviceInfo) -> Limits {
     Limits {
         storage_range_bytes: u64::from(l.max_storage_buffer_range),
         buffer_bytes: probe.vulkan13.max_buffer_size.min(allocation),
+        allocation_bytes: allocation,
         storage_offset_bytes: l.min_storage_buffer_offset_alignment,
         dispatch: l.max_compute_work_group_count,
         workgroup_invocations: l.max_compute_work_group_invocations,
@@ -421,6 +434,10 @@ fn limits(probe: &Probe, info: &DeviceInfo) -> Limits {
         subgroup_size: probe.vulkan11.subgroup_size,
         subgroup_sizes: info.subgroup_sizes,
         image_side_px: l.max_image_dimension2_d,
+        target_side_px: l
+            .max_image_dimension2_d
+            .min(l.max_framebuffer_width)
+            .min(l.max_framebuffer_height),
         memory_bytes: info.memory_bytes,
     }
 }

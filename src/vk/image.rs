@@ -1,10 +1,11 @@
 //! Images: sampled textures, storage images and attachments.
 
-use super::{
-    error::capacity,
-    gpu::{Gpu, Shared},
+use super::gpu::{Gpu, Shared};
+use crate::{
+    error::{Error, Result},
+    format::Format,
+    image::Extent,
 };
-use crate::{error::Result, format::Format, image::Extent};
 use ash::vk;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
 use std::sync::Arc;
@@ -55,15 +56,21 @@ impl Image {
     /// An image with undefined content.
     ///
     /// # Errors
-    /// [`crate::Error::Capacity`] if it is larger than the device allows or has memory for.
+    /// [`Error::Full`] if it has more pixels a side than the device allows, [`Error::Capacity`] if
+    /// there is no memory for it.
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", info.name, info.extent);
-        let side = gpu.limits().image_side_px;
-        let bytes = (info.extent.pixels() * info.format.texel_bytes()) as u64;
+        let (side, of) = match info.usage {
+            ImageUse::Attachment => {
+                (gpu.limits().target_side_px, "targets that it draws to itself")
+            }
+            ImageUse::Sampled | ImageUse::Storage => (gpu.limits().image_side_px, "images"),
+        };
         if info.extent.width.max(info.extent.height) > side {
-            let limit_of = format!("an image of {side} pixels a side on {}", gpu.name());
-            let limit = u64::from(side).pow(2) * info.format.texel_bytes() as u64;
-            return Err(capacity(&what, bytes, limit_of, limit));
+            return Err(Error::Full(format!(
+                "{what} is larger than {} allows: {of} have at most {side} pixels a side",
+                gpu.name()
+            )));
         }
         let shared = gpu.0.clone();
         let depth = info.format == Format::D32Float;

@@ -1,6 +1,7 @@
 //! Kernels: SPIR-V, what it binds by name, and the pipeline.
 
 use super::{
+    capability::missing_feature,
     gpu::{Gpu, Shared},
     reflect::{BindingKind, BlockBinding, KernelReflection, reflect},
 };
@@ -118,6 +119,9 @@ fn check_limits(
     info: &KernelInfo<'_>,
     reflection: &KernelReflection,
 ) -> std::result::Result<(), String> {
+    if let Some(feature) = missing_feature(&gpu.0.lacking, info.spirv) {
+        return Err(format!("needs {feature}, which {} does not offer", gpu.name()));
+    }
     let limits = gpu.limits();
     let invocations = reflection.workgroup.iter().map(|&n| u64::from(n)).product::<u64>();
     if invocations == 0 || invocations > u64::from(limits.workgroup_invocations) {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `instance` | the loader, the instance, the validation layer's messages |
 //! | `requirements` | what a device must offer, as data, and what it may offer |
+//! | `capability` | SPIR-V capabilities that a device may lack |
 //! | `device` | listing devices and picking one |
 //! | `gpu` | the opened device: queue, memory, layouts, caches |
 //! | `buffer`, `image`, `sampler` | resources; each is freed when its last user lets go |
@@ -29,6 +30,7 @@
 
 mod buffer;
 mod cache;
+mod capability;
 mod device;
 mod doctor;
 mod error;
@@ -57,5 +59,6 @@ pub use resources::Resources;
 pub use sampler::Sampler;
 pub use table::{ResourceTable, TableSizes};
 
+pub(crate) use capability::missing_feature;
 pub(crate) use image::vk_format;
 pub(crate) use recording::Commands;

@@ -1,0 +1,111 @@
+//! SPIR-V capabilities that a device may lack.
+//!
+//! Drivers take a module with a capability that they do not have and then do anything, so the check
+//! is ours. It lists what users' shaders are known to ask for and some device is known to lack;
+//! capabilities beyond the list are left to the driver and the validation layer.
+
+use super::requirements::Probe;
+use ash::vk::TRUE;
+use rspirv::spirv::{Capability, Op};
+
+/// Whether the device offers what a capability needs.
+type Offers = fn(&Probe) -> bool;
+
+/// A capability, what Vulkan calls the feature, and whether a device offers it.
+const CAPABILITIES: &[(Capability, &str, Offers)] = &[
+    (Capability::Geometry, "geometryShader", |p| p.features.geometry_shader == TRUE),
+    (Capability::Tessellation, "tessellationShader", |p| p.features.tessellation_shader == TRUE),
+    (Capability::Float64, "shaderFloat64", |p| p.features.shader_float64 == TRUE),
+    (Capability::Int64, "shaderInt64", |p| p.features.shader_int64 == TRUE),
+    (Capability::Int16, "shaderInt16", |p| p.features.shader_int16 == TRUE),
+    (Capability::Float16, "shaderFloat16", |p| p.features12.shader_float16 == TRUE),
+    (Capability::Int8, "shaderInt8", |p| p.features12.shader_int8 == TRUE),
+    (Capability::Int64Atomics, "shaderBufferInt64Atomics", |p| {
+        p.features12.shader_buffer_int64_atomics == TRUE
+    }),
+    (Capability::ImageGatherExtended, "shaderImageGatherExtended", |p| {
+        p.features.shader_image_gather_extended == TRUE
+    }),
+    (Capability::ImageCubeArray, "imageCubeArray", |p| p.features.image_cube_array == TRUE),
+    (Capability::SampledCubeArray, "imageCubeArray", |p| p.features.image_cube_array == TRUE),
+    (Capability::SampleRateShading, "sampleRateShading", |p| {
+        p.features.sample_rate_shading == TRUE
+    }),
+    (Capability::ClipDistance, "shaderClipDistance", |p| p.features.shader_clip_distance == TRUE),
+    (Capability::CullDistance, "shaderCullDistance", |p| p.features.shader_cull_distance == TRUE),
+    (Capability::DrawParameters, "shaderDrawParameters", |p| {
+        p.features11.shader_draw_parameters == TRUE
+    }),
+    (Capability::MultiView, "multiview", |p| p.features11.multiview == TRUE),
+    (Capability::StorageBuffer16BitAccess, "storageBuffer16BitAccess", |p| {
+        p.features11.storage_buffer16_bit_access == TRUE
+    }),
+    (Capability::StorageBuffer8BitAccess, "storageBuffer8BitAccess", |p| {
+        p.features12.storage_buffer8_bit_access == TRUE
+    }),
+    (Capability::PhysicalStorageBufferAddresses, "bufferDeviceAddress", |p| {
+        p.features12.buffer_device_address == TRUE
+    }),
+    (Capability::VulkanMemoryModel, "vulkanMemoryModel", |p| {
+        p.features12.vulkan_memory_model == TRUE
+    }),
+    (Capability::StorageImageReadWithoutFormat, "shaderStorageImageReadWithoutFormat", |p| {
+        p.features.shader_storage_image_read_without_format == TRUE
+    }),
+    (Capability::StorageImageWriteWithoutFormat, "shaderStorageImageWriteWithoutFormat", |p| {
+        p.features.shader_storage_image_write_without_format == TRUE
+    }),
+    (Capability::ComputeDerivativeGroupLinearKHR, "VK_KHR_compute_shader_derivatives", |p| {
+        p.derivatives_extension().is_some()
+    }),
+];
+
+/// What the device lacks of the list.
+pub(super) fn lacking(probe: &Probe) -> Vec<(Capability, &'static str)> {
+    let lacks = |(c, name, offers): &(Capability, &'static str, Offers)| {
+        (!offers(probe)).then_some((*c, *name))
+    };
+    CAPABILITIES.iter().filter_map(lacks).collect()
+}
+
+/// The feature that the module asks for and that is among those `lacking`.
+pub(crate) fn missing_feature(
+    lacking: &[(Capability, &'static str)],
+    words: &[u32],
+) -> Option<&'static str> {
+    const HEADER_WORDS: usize = 5;
+    let mut rest = words.get(HEADER_WORDS..)?;
+    // Capabilities come first in a module.
+    while let [first, capability, ..] = *rest {
+        if first & 0xffff != Op::Capability as u32 {
+            break;
+        }
+        if let Some((_, name)) = lacking.iter().find(|(c, _)| *c as u32 == capability) {
+            return Some(name);
+        }
+        rest = rest.get((first >> 16).max(1) as usize..)?;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_capability_that_is_lacking_is_named() {
+        let lacking = lacking(&Probe::default());
+        assert_eq!(lacking.len(), CAPABILITIES.len());
+        let op = |c: Capability| [2 << 16 | Op::Capability as u32, c as u32];
+        let mut words = vec![0x0723_0203, 0x1_0500, 0, 9, 0];
+        words.extend(op(Capability::Shader));
+        assert_eq!(missing_feature(&lacking, &words), None);
+        words.extend(op(Capability::Geometry));
+        assert_eq!(missing_feature(&lacking, &words), Some("geometryShader"));
+        assert_eq!(missing_feature(&[], &words), None);
+        assert_eq!(missing_feature(&lacking, &words[..3]), None);
+        // A length of 0 is nonsense and must not be an endless loop.
+        words[5] = Op::Capability as u32;
+        assert_eq!(missing_feature(&lacking, &words), None);
+    }
+}
