@@ -97,13 +97,16 @@ pub(super) fn reflect(
     Ok(found)
 }
 
+/// Decorations with their number, where they have one.
+type Decorations = Vec<(Decoration, Option<u32>)>;
+
 /// The module's tables that reflection looks things up in.
 struct Module<'a> {
     module: &'a dr::Module,
     names: HashMap<Word, &'a str>,
     types: HashMap<Word, &'a dr::Instruction>,
-    decorations: HashMap<Word, Vec<(Decoration, Option<u32>)>>,
-    members: HashMap<(Word, u32), Vec<(Decoration, Option<u32>)>>,
+    decorations: HashMap<Word, Decorations>,
+    members: HashMap<(Word, u32), Decorations>,
     specialized: &'a HashMap<u32, u32>,
 }
 
