@@ -1,7 +1,7 @@
 //! The two forms of a glTF file: JSON, and GLB with JSON and one buffer in it.
 
 use super::data::Checks;
-use gltf::json::Root;
+use gltf_json::Root;
 use serde_json::{Map, Value};
 
 /// The parts of a file.

@@ -10,7 +10,7 @@ use crate::{
     pass::IndexFormat,
 };
 use glam::{Mat4, Vec2, Vec3, Vec4};
-use gltf::json::{
+use gltf_json::{
     Root, accessor,
     accessor::{ComponentType, Type},
     validation::Checked,
@@ -70,7 +70,7 @@ fn component_bytes(component: ComponentType) -> usize {
 impl<'a> Data<'a> {
     /// Reads all buffers; one that cannot be read is an error when something needs it.
     pub fn new(root: &'a Root, folder: &Path, binary: Option<&'a [u8]>) -> Self {
-        let read = |(i, buffer): (usize, &'a gltf::json::Buffer)| {
+        let read = |(i, buffer): (usize, &'a gltf_json::Buffer)| {
             let bytes: Cow<[u8]> = match (&buffer.uri, binary) {
                 (Some(uri), _) => Cow::Owned(read_uri(uri, folder)?),
                 (None, Some(binary)) if i == 0 => Cow::Borrowed(binary),

@@ -8,8 +8,8 @@ use super::super::{
 use super::data::{Checks, Data, get, read_uri};
 use crate::texture::{Filter, Sampler, Wrap};
 use glam::{Vec2, Vec3, Vec4};
-use gltf::json::{
-    self,
+use gltf_json::{
+    self as json,
     material::AlphaMode as JsonAlpha,
     texture::{MagFilter, MinFilter, WrappingMode},
     validation::Checked,

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::state::Topology;
 use glam::{Mat3, Mat4, Vec3, Vec4};
-use gltf::json::{
+use gltf_json::{
     mesh::{Mode, Primitive, Semantic},
     validation::Checked,
 };
@@ -221,7 +221,7 @@ impl Source<'_> {
     fn morph(&self, data: &Data, mesh: &mut Mesh, weights: &[f32]) -> Checks<()> {
         let targets = self.primitive.targets.as_deref().unwrap_or_default();
         for (target, &weight) in targets.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
-            let displacements = |accessor: Option<gltf::json::Index<gltf::json::Accessor>>| {
+            let displacements = |accessor: Option<gltf_json::Index<gltf_json::Accessor>>| {
                 let Some(accessor) = accessor else { return Ok(Vec::new()) };
                 let list = data.accessor(accessor.value())?.vec3("a morph target")?;
                 match list.len() == mesh.positions.len() {

@@ -1,8 +1,8 @@
 //! glTF 2.0.
 //!
-//! The `gltf` crate's typed JSON is used as a parser only: its document types assume what its
-//! validator checked and panic where the validator is silent, so every index, range and count is
-//! checked here, where it is used, and the fault is named with the object that has it.
+//! Only the JSON is parsed by a crate; the documents that its sibling builds on it assume what its
+//! validator checked and panic where the validator is silent. Here every index, range and count is
+//! checked where it is used, and the fault is named with the object that has it.
 //!
 //! Animation happens here, once: skins and morph targets are applied to the vertices while they
 //! are loaded, so shaders and passes know nothing of them.
@@ -20,7 +20,7 @@ use super::{
 };
 use data::{Checks, Data, get};
 use glam::{Mat4, Quat, Vec3};
-use gltf::json::{self, camera::Type, validation::Checked};
+use gltf_json::{self as json, camera::Type, validation::Checked};
 use materials::Materials;
 use meshes::Deform;
 use pose::Pose;

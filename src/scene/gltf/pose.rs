@@ -2,7 +2,7 @@
 
 use super::data::{Checks, Data, get};
 use glam::{Mat4, Quat, Vec3};
-use gltf::json::{
+use gltf_json::{
     animation::{Interpolation, Property, Sampler},
     validation::Checked,
 };
@@ -32,7 +32,7 @@ impl Pose {
     /// over many animations play as a whole, files that hold alternatives show the first.
     pub fn new(data: &Data, time: Option<f32>) -> Checks<Self> {
         let nodes = &data.root.nodes;
-        let local = |n: &gltf::json::Node| match n.matrix {
+        let local = |n: &gltf_json::Node| match n.matrix {
             Some(matrix) => Mat4::from_cols_array(&matrix),
             None => placement(n).matrix(),
         };
@@ -82,7 +82,7 @@ impl Pose {
     }
 }
 
-fn placement(node: &gltf::json::Node) -> Placement {
+fn placement(node: &gltf_json::Node) -> Placement {
     let rotation = node.rotation.map_or(Quat::IDENTITY, |r| Quat::from_array(r.0));
     Placement {
         translation: node.translation.map_or(Vec3::ZERO, Vec3::from_array),
