@@ -2,10 +2,11 @@
 
 use super::{
     device::{self, DeviceInfo},
+    drivers::{self, DriverFile},
     instance::{Instance, VALIDATION_LAYER, loader},
 };
 use ash::vk;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The state of Vulkan on this machine.
 #[derive(Clone, Debug)]
@@ -22,17 +23,6 @@ pub struct Doctor {
     pub devices: Vec<DeviceInfo>,
     /// What is wrong, the worst first; empty if all is well.
     pub findings: Vec<Finding>,
-}
-
-/// One driver file.
-#[derive(Clone, Debug)]
-pub struct DriverFile {
-    /// The JSON file.
-    pub path: PathBuf,
-    /// The library it names, as written.
-    pub library: String,
-    /// Why this driver cannot be loaded, if so.
-    pub fault: Option<String>,
 }
 
 /// How bad a [`Finding`] is.
@@ -56,7 +46,7 @@ pub struct Finding {
 }
 
 const INSTALL_LOADER: &str = "Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers";
-const INSTALL_DRIVER: &str =
+pub(super) const INSTALL_DRIVER: &str =
     "Debian, Ubuntu: apt install mesa-vulkan-drivers (on Debian 12: from bookworm-backports)";
 const INSTALL_LAYER: &str = "Debian, Ubuntu: apt install vulkan-validationlayers";
 
@@ -76,7 +66,8 @@ const VARIABLES: [&str; 8] = [
 pub fn doctor() -> Doctor {
     let environment: Vec<_> =
         VARIABLES.iter().filter_map(|v| Some((v.to_string(), std::env::var(v).ok()?))).collect();
-    let drivers: Vec<_> = driver_files().into_iter().map(|path| examine(&path)).collect();
+    let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    let drivers = drivers::examine_all(variable);
     let loader = loader().map_err(|e| e.to_string());
     let mut findings = Vec::new();
     let mut error = |problem: String, fix: &str| {
@@ -93,11 +84,9 @@ pub fn doctor() -> Doctor {
                 layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER));
             match Instance::new(false).and_then(|i| device::candidates(&i)) {
                 Ok(candidates) => devices = candidates.into_iter().map(|c| c.info).collect(),
-                Err(e) => error(e.to_string(), INSTALL_DRIVER),
+                Err(e) => error(e.to_string(), &drivers::fix_of_none(variable)),
             }
-            if devices.is_empty() && drivers.iter().all(|d| d.fault.is_some()) {
-                error("no driver file names a driver that exists".into(), INSTALL_DRIVER);
-            } else if !devices.is_empty() && devices.iter().all(|d| !d.missing.is_empty()) {
+            if !devices.is_empty() && devices.iter().all(|d| !d.missing.is_empty()) {
                 error("no device meets all requirements".into(), INSTALL_DRIVER);
             }
         }
@@ -107,9 +96,11 @@ pub fn doctor() -> Doctor {
     };
     for driver in &drivers {
         if let Some(fault) = &driver.fault {
-            let fix = format!("install the package that the library {} belongs to", driver.library);
-            warn(format!("driver file {} {fault}", driver.path.display()), &fix);
+            warn(format!("driver file {} {fault}", driver.path.display()), &driver.fix(variable));
         }
+    }
+    for (problem, fix) in drivers::hardware_without_driver(Path::new("/"), &drivers) {
+        warn(problem, fix);
     }
     for device in &devices {
         for missing in &device.missing {
@@ -142,75 +133,5 @@ impl Doctor {
     /// Whether something can be rendered.
     pub fn is_well(&self) -> bool {
         self.findings.iter().all(|f| f.severity != Severity::Error)
-    }
-}
-
-/// The driver files that the loader reads, by its own rules on Linux.
-fn driver_files() -> Vec<PathBuf> {
-    let list = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty());
-    let split = |v: std::ffi::OsString| std::env::split_paths(&v).collect::<Vec<_>>();
-    let mut roots = Vec::new();
-    if let Some(only) = list("VK_DRIVER_FILES").or_else(|| list("VK_ICD_FILENAMES")) {
-        roots.extend(split(only));
-    } else {
-        roots.extend(list("VK_ADD_DRIVER_FILES").map(split).unwrap_or_default());
-        let home = list("HOME").map(PathBuf::from).unwrap_or_default();
-        let base = |name: &str, otherwise: PathBuf| list(name).map_or(otherwise, PathBuf::from);
-        let several =
-            |name: &str, otherwise: &str| list(name).map_or_else(|| split(otherwise.into()), split);
-        let mut bases = vec![base("XDG_CONFIG_HOME", home.join(".config"))];
-        bases.extend(several("XDG_CONFIG_DIRS", "/etc/xdg"));
-        bases.push("/etc".into());
-        bases.push(base("XDG_DATA_HOME", home.join(".local/share")));
-        bases.extend(several("XDG_DATA_DIRS", "/usr/local/share:/usr/share"));
-        roots.extend(bases.into_iter().map(|b| b.join("vulkan/icd.d")));
-    }
-    let mut files = Vec::new();
-    for root in roots {
-        if root.is_dir() {
-            let Ok(entries) = std::fs::read_dir(&root) else { continue };
-            let mut found: Vec<_> = entries.flatten().map(|e| e.path()).collect();
-            found.retain(|p| p.extension().is_some_and(|e| e == "json"));
-            found.sort();
-            files.extend(found);
-        } else if root.extension().is_some_and(|e| e == "json") {
-            files.push(root);
-        }
-    }
-    files
-}
-
-/// Reads a driver file and looks for its library.
-fn examine(path: &Path) -> DriverFile {
-    let fault = |library: &str, fault: String| DriverFile {
-        path: path.into(),
-        library: library.into(),
-        fault: Some(fault),
-    };
-    let text = match std::fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(e) => return fault("", format!("cannot be read: {e}")),
-    };
-    let json: serde_json::Value = match serde_json::from_str(&text) {
-        Ok(json) => json,
-        Err(e) => return fault("", format!("is no JSON: {e}")),
-    };
-    let Some(library) = json["ICD"]["library_path"].as_str() else {
-        return fault("", "names no library".into());
-    };
-    // A bare name is searched by the dynamic linker, a path with a slash starts at the file.
-    let file = if library.contains('/') {
-        path.parent().unwrap_or(Path::new(".")).join(library)
-    } else {
-        PathBuf::from(library)
-    };
-    // SAFETY: the loader loads the same library when it makes an instance.
-    match unsafe { libloading::Library::new(&file) } {
-        Ok(loaded) => {
-            // Drivers do not survive being unloaded; see `loader`.
-            std::mem::forget(loaded);
-            DriverFile { path: path.into(), library: library.into(), fault: None }
-        }
-        Err(e) => fault(library, format!("names a library that cannot be loaded: {e}")),
     }
 }

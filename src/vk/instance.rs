@@ -1,5 +1,6 @@
 //! The loader, the instance, and the messages of the validation layer.
 
+use super::drivers::fix_of_none;
 use crate::error::{Error, Result};
 use ash::{ext, vk};
 use std::{
@@ -112,14 +113,17 @@ impl Instance {
         // SAFETY: all pointers in `info` outlive the call; `messages` outlives the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
             Error::Device(match e {
-                vk::Result::ERROR_INCOMPATIBLE_DRIVER => format!(
-                    "no Vulkan driver was found{} (Debian, Ubuntu: apt install mesa-vulkan-drivers \
-                     gives a CPU driver that works everywhere)",
-                    match std::env::var("VK_DRIVER_FILES") {
-                        Ok(files) => format!(" in VK_DRIVER_FILES={files}"),
-                        Err(_) => String::new(),
-                    }
-                ),
+                vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
+                    let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty());
+                    let place = match std::env::var("VK_DRIVER_FILES") {
+                        Ok(files) if !files.is_empty() => format!(" in VK_DRIVER_FILES={files}"),
+                        _ => String::new(),
+                    };
+                    format!(
+                        "no Vulkan driver was found{place}; {} (`tilewright doctor` says more)",
+                        fix_of_none(variable)
+                    )
+                }
                 e => format!("the Vulkan instance could not be created: {e}"),
             })
         })?;

@@ -12,7 +12,7 @@
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
 //! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
 //! | `resources` | host data uploaded once, recognised by the identity of its `Arc` |
-//! | `doctor` | what is there, what is missing, and the exact fix |
+//! | `doctor`, `drivers` | what is there, what is missing, and the exact fix |
 //!
 //! # Synchronisation
 //! There is one queue and one rule: a global memory barrier before every dispatch, copy and fill,
@@ -33,6 +33,7 @@ mod cache;
 mod capability;
 mod device;
 mod doctor;
+mod drivers;
 mod error;
 mod gpu;
 mod image;
@@ -48,7 +49,8 @@ mod table;
 
 pub use buffer::{Buffer, Memory};
 pub use device::{DeviceInfo, DeviceKind, QueueInfo, Require, devices};
-pub use doctor::{Doctor, DriverFile, Finding, Severity, doctor};
+pub use doctor::{Doctor, Finding, Severity, doctor};
+pub use drivers::DriverFile;
 pub use gpu::{Gpu, GpuOptions, Limits};
 pub use image::{Image, ImageInfo, ImageUse};
 pub use kernel::{Kernel, KernelInfo};

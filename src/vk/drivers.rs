@@ -1,0 +1,240 @@
+//! Driver files (ICD manifests): where the loader looks for them, and why one does not work.
+
+use super::doctor::INSTALL_DRIVER;
+use std::{
+    ffi::OsString,
+    path::{Path, PathBuf},
+};
+
+/// One driver file.
+#[derive(Clone, Debug)]
+pub struct DriverFile {
+    /// The JSON file.
+    pub path: PathBuf,
+    /// The library it names, as written; empty if the file cannot be read.
+    pub library: String,
+    /// Why this driver cannot be loaded, if so; a sentence without its subject.
+    pub fault: Option<String>,
+}
+
+/// Variables that name driver files and hide all others; the second is the older name.
+const ONLY: [&str; 2] = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+
+/// Every driver file that the loader would read, given the environment.
+pub(super) fn examine_all(variable: impl Fn(&str) -> Option<OsString>) -> Vec<DriverFile> {
+    driver_files(variable).iter().map(|path| examine(path)).collect()
+}
+
+/// What to do when the loader finds no driver at all.
+pub(super) fn fix_of_none(variable: impl Fn(&str) -> Option<OsString>) -> String {
+    match ONLY.into_iter().find(|name| variable(name).is_some()) {
+        Some(name) => format!("unset {name}, or name the .json of a driver that is there"),
+        None => INSTALL_DRIVER.into(),
+    }
+}
+
+impl DriverFile {
+    /// What to do about the fault.
+    pub(super) fn fix(&self, variable: impl Fn(&str) -> Option<OsString>) -> String {
+        if self.library.is_empty() {
+            return match ONLY.into_iter().find(|name| variable(name).is_some()) {
+                Some(name) => format!("correct {name}, or unset it"),
+                None => {
+                    let path = self.path.display();
+                    format!("reinstall the package it belongs to (dpkg -S {path} says which)")
+                }
+            };
+        }
+        if self.is_nvidia() {
+            return "install the NVIDIA driver's graphics libraries (Debian: nvidia-vulkan-icd, \
+                    Ubuntu: libnvidia-gl of the driver's version); start a container with \
+                    NVIDIA_DRIVER_CAPABILITIES=graphics,compute,utility"
+                .into();
+        }
+        if self.library.contains("libvulkan_") {
+            return INSTALL_DRIVER.into();
+        }
+        format!("install the package that brings {}, or remove the file", self.library)
+    }
+
+    fn is_nvidia(&self) -> bool {
+        self.library.to_lowercase().contains("nvidia")
+    }
+}
+
+/// GPUs that the kernel knows and no driver file serves, each with what to do. `root` is `/`.
+pub(super) fn hardware_without_driver(
+    root: &Path,
+    drivers: &[DriverFile],
+) -> Vec<(String, &'static str)> {
+    let mut found = Vec::new();
+    let works = |d: &DriverFile| d.is_nvidia() && d.fault.is_none();
+    if root.join("dev/nvidiactl").exists() && !drivers.iter().any(works) {
+        found.push((
+            "there is an NVIDIA GPU (/dev/nvidiactl), and no driver file that works for it".into(),
+            "Debian: apt install nvidia-vulkan-icd; Ubuntu: apt install libnvidia-gl of the \
+             driver's version; in a container: NVIDIA_DRIVER_CAPABILITIES=graphics,compute,utility",
+        ));
+    }
+    for node in std::fs::read_dir(root.join("dev/dri")).into_iter().flatten().flatten() {
+        let path = node.path();
+        let renders = node.file_name().to_string_lossy().starts_with("renderD");
+        let open = || std::fs::OpenOptions::new().read(true).write(true).open(&path);
+        let denied = |e: std::io::Error| e.kind() == std::io::ErrorKind::PermissionDenied;
+        if renders && open().err().is_some_and(denied) {
+            found.push((
+                format!("there is a GPU ({}), which this user may not open", path.display()),
+                "add the user to the group that owns it: usermod -aG render USER, then log in again",
+            ));
+        }
+    }
+    found
+}
+
+/// The driver files that the loader reads, by its own rules on Linux.
+fn driver_files(list: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
+    let split = |v: OsString| std::env::split_paths(&v).collect::<Vec<_>>();
+    let mut roots = Vec::new();
+    if let Some(only) = ONLY.into_iter().find_map(&list) {
+        roots.extend(split(only));
+    } else {
+        roots.extend(list("VK_ADD_DRIVER_FILES").map(split).unwrap_or_default());
+        let home = list("HOME").map(PathBuf::from).unwrap_or_default();
+        let base = |name: &str, otherwise: PathBuf| list(name).map_or(otherwise, PathBuf::from);
+        let several =
+            |name: &str, otherwise: &str| list(name).map_or_else(|| split(otherwise.into()), split);
+        let mut bases = vec![base("XDG_CONFIG_HOME", home.join(".config"))];
+        bases.extend(several("XDG_CONFIG_DIRS", "/etc/xdg"));
+        bases.push("/etc".into());
+        bases.push(base("XDG_DATA_HOME", home.join(".local/share")));
+        bases.extend(several("XDG_DATA_DIRS", "/usr/local/share:/usr/share"));
+        roots.extend(bases.into_iter().map(|b| b.join("vulkan/icd.d")));
+    }
+    let mut files = Vec::new();
+    for root in roots {
+        if root.is_dir() {
+            let Ok(entries) = std::fs::read_dir(&root) else { continue };
+            let mut found: Vec<_> = entries.flatten().map(|e| e.path()).collect();
+            found.retain(|p| p.extension().is_some_and(|e| e == "json"));
+            found.sort();
+            files.extend(found);
+        } else if root.extension().is_some_and(|e| e == "json") {
+            files.push(root);
+        }
+    }
+    files
+}
+
+/// Reads a driver file and looks for its library.
+fn examine(path: &Path) -> DriverFile {
+    let fault = |library: &str, fault: String| DriverFile {
+        path: path.into(),
+        library: library.into(),
+        fault: Some(fault),
+    };
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(e) => return fault("", format!("cannot be read: {e}")),
+    };
+    let json: serde_json::Value = match serde_json::from_str(&text) {
+        Ok(json) => json,
+        Err(e) => return fault("", format!("is no JSON: {e}")),
+    };
+    let Some(library) = json["ICD"]["library_path"].as_str() else {
+        return fault("", "names no library".into());
+    };
+    // A bare name is searched by the dynamic linker, a path with a slash starts at the file.
+    let file = if library.contains('/') {
+        path.parent().unwrap_or(Path::new(".")).join(library)
+    } else {
+        PathBuf::from(library)
+    };
+    // SAFETY: the loader loads the same library when it makes an instance.
+    match unsafe { libloading::Library::new(&file) } {
+        Ok(loaded) => {
+            // Drivers do not survive being unloaded; see `loader`.
+            std::mem::forget(loaded);
+            DriverFile { path: path.into(), library: library.into(), fault: None }
+        }
+        Err(e) => fault(library, format!("names a library that cannot be loaded: {e}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn driver_files_are_looked_for_where_the_loader_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let icd = folder.path().join("data/vulkan/icd.d");
+        fs::create_dir_all(&icd).unwrap();
+        for name in ["b.json", "a.json", "c.txt"] {
+            fs::write(icd.join(name), "{}").unwrap();
+        }
+        let data = folder.path().join("data").into_os_string();
+        let none = folder.path().join("none").into_os_string();
+        let found = driver_files(|name| match name {
+            "XDG_DATA_HOME" => Some(data.clone()),
+            "HOME" | "XDG_CONFIG_DIRS" | "XDG_DATA_DIRS" => Some(none.clone()),
+            _ => None,
+        });
+        let ours: Vec<_> = found.iter().filter(|p| p.starts_with(&icd)).collect();
+        assert_eq!(ours, [&icd.join("a.json"), &icd.join("b.json")]);
+        // A list hides all others, and may hold files and folders.
+        let list = std::env::join_paths([icd.join("b.json"), icd.clone()]).unwrap();
+        let found = driver_files(|name| (name == "VK_DRIVER_FILES").then(|| list.clone()));
+        assert_eq!(found, [icd.join("b.json"), icd.join("a.json"), icd.join("b.json")]);
+    }
+
+    #[test]
+    fn each_fault_of_a_driver_file_has_its_fix() {
+        let folder = tempfile::tempdir().unwrap();
+        let unset = |_: &str| None;
+        for (content, library, fault, fix) in [
+            ("", "", "no JSON", "dpkg -S"),
+            ("{\"ICD\": {}}", "", "names no library", "dpkg -S"),
+            (
+                "{\"ICD\": {\"library_path\": \"./libvulkan_x.so\"}}",
+                "./libvulkan_x.so",
+                "loaded",
+                "mesa",
+            ),
+            (
+                "{\"ICD\": {\"library_path\": \"libGLX_nvidia.so.9\"}}",
+                "libGLX_nvidia.so.9",
+                "loaded",
+                "CAPABILITIES",
+            ),
+            ("{\"ICD\": {\"library_path\": \"/none/x.so\"}}", "/none/x.so", "loaded", "/none/x.so"),
+        ] {
+            let path = folder.path().join("driver.json");
+            fs::write(&path, content).unwrap();
+            let file = examine(&path);
+            assert_eq!(file.library, library);
+            let said = file.fault.clone().unwrap();
+            assert!(said.contains(fault), "{said}");
+            assert!(file.fix(unset).contains(fix), "{}", file.fix(unset));
+        }
+        let gone = examine(&folder.path().join("gone.json"));
+        assert!(gone.fault.as_ref().unwrap().contains("cannot be read"));
+        let set = |name: &str| (name == "VK_ICD_FILENAMES").then(|| OsString::from("x"));
+        assert!(gone.fix(set).contains("VK_ICD_FILENAMES"));
+        assert!(fix_of_none(set).contains("VK_ICD_FILENAMES"));
+        assert_eq!(fix_of_none(unset), INSTALL_DRIVER);
+    }
+
+    #[test]
+    fn a_gpu_without_a_driver_is_noticed() {
+        let root = tempfile::tempdir().unwrap();
+        assert!(hardware_without_driver(root.path(), &[]).is_empty());
+        fs::create_dir_all(root.path().join("dev/dri")).unwrap();
+        fs::write(root.path().join("dev/nvidiactl"), "").unwrap();
+        let found = hardware_without_driver(root.path(), &[]);
+        assert!(found.len() == 1 && found[0].0.contains("NVIDIA"), "{found:?}");
+        let library = "libGLX_nvidia.so.0".to_string();
+        let works = DriverFile { path: "x".into(), library, fault: None };
+        assert!(hardware_without_driver(root.path(), &[works]).is_empty());
+    }
+}
