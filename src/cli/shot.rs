@@ -30,9 +30,7 @@ impl Shot {
         let scene = {
             let _working = talk::working_on(format_args!("reading {}", view.scene));
             match &view.scene {
-                SceneName::Builtin(name) => {
-                    return Err(Error::Usage(format!("there is no built-in scene `{name}`")));
-                }
+                SceneName::Builtin(name) => Scene::builtin(name)?,
                 SceneName::File(path) => Scene::load(path, &LoadOptions { time: view.time })?,
             }
         };

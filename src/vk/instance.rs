@@ -36,6 +36,10 @@ const FILTERED: &[Filtered] = &[
         reason: "The same layer, which knows the capability by its older name. It looks no further \
                  into that module; the suite holds spirv-val against spliced modules itself.",
     },
+    Filtered {
+        text: "After specialization was applied, VkShaderModule",
+        reason: "The same layer says so, without a reason, of each such module that is specialized.",
+    },
 ];
 
 /// Warnings and errors that the validation layer reported, in order.

@@ -28,14 +28,13 @@ fn no_driver_ends_with_3_and_says_what_to_do() {
     for (verb, more) in
         [("render", &["builtin:teapot", "-o", "-"][..]), ("devices", &[]), ("doctor", &[])]
     {
-        let run = finish(
-            command().arg(verb).args(more).env("VK_DRIVER_FILES", "/nonexistent.json"),
-            Duration::from_secs(60),
-        );
+        // Without validation, whose messages would tell of the missing driver as well.
+        let mut command = command();
+        command.arg(verb).args(more);
+        command.env("VK_DRIVER_FILES", "/nonexistent.json").env_remove("TILEWRIGHT_VALIDATION");
+        let run = finish(&mut command, Duration::from_secs(60)).expect(3);
         let said = format!("{}{}", run.stderr, run.stdout_text());
-        let run = run.expect(3);
         assert!(said.contains("/nonexistent.json"), "{verb}: {said}");
-        drop(run);
     }
 }
 
