@@ -47,6 +47,7 @@
 #![warn(missing_docs)]
 
 pub mod abi;
+mod cache;
 pub mod classic;
 pub mod cli;
 pub mod compare;

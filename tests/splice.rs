@@ -81,10 +81,9 @@ impl<'g> Scene<'g> {
         let shader = Shader::from_glsl(Stage::Fragment, "test.frag", &source).unwrap();
         let native = self.gpu.has_compute_derivatives();
         for shader in [optimized(&shader), shader] {
-            for tier in [Some(Derivatives::Quad), native.then_some(Derivatives::Native)] {
-                if let Some(tier) = tier {
-                    check(&self.shade_once(&shader, tier));
-                }
+            let tiers = [Some(Derivatives::Quad), native.then_some(Derivatives::Native)];
+            for tier in tiers.into_iter().flatten() {
+                check(&self.shade_once(&shader, tier));
             }
         }
     }
@@ -452,10 +451,10 @@ fn vertices_get_attributes_and_give_varyings() {
                 (recorder.download(&clip).unwrap(), recorder.download(&varyings).unwrap());
             recorder.submit().unwrap();
             let (clip, varyings) = (clip.read().unwrap(), varyings.read().unwrap());
-            for vertex in 0..VERTICES {
+            for (vertex, clip) in clip.iter().enumerate() {
                 let a = |location, component| attribute(vertex, location, component);
                 let [x, y, z] = [0, 1, 2].map(|c| f32::from_bits(a(0, c)));
-                assert_eq!(clip[vertex], [x + 10.0, 2.0 * y, z, 3.0]);
+                assert_eq!(*clip, [x + 10.0, 2.0 * y, z, 3.0]);
                 let at = |location: usize| {
                     let at = vertex * 64 + location * 4;
                     &varyings[at..at + 4]

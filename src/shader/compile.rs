@@ -12,8 +12,8 @@
 //! of a process builds the tables of built-in functions, a tenth of a second and more, later ones
 //! take milliseconds.
 
-use super::{Stage, include::Beside, module::Outcome};
-use crate::{Error, Result};
+use super::{Stage, include::Beside, module::Outcome, stored::Entry};
+use crate::{Error, Result, cache};
 use glslang::{
     Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
     SourceLanguage, SpirvVersion, Target, VulkanVersion, error::GlslangError,
@@ -32,11 +32,19 @@ pub(super) fn compile(
     source: &str,
     file: Option<&Path>,
 ) -> Result<Vec<u32>> {
+    let stored = Entry::new(cache::folder().as_deref(), stage, source);
+    if let Some(words) = stored.as_ref().and_then(Entry::read) {
+        return Ok(words);
+    }
     let stage = match stage {
         Stage::Vertex => ShaderStage::Vertex,
         Stage::Fragment => ShaderStage::Fragment,
     };
-    words(stage, source, file).map_err(|reason| Error::shader(label, reason))
+    let words = words(stage, source, file).map_err(|reason| Error::shader(label, reason))?;
+    if let Some(entry) = stored {
+        entry.write(&words);
+    }
+    Ok(words)
 }
 
 fn words(stage: ShaderStage, source: &str, file: Option<&Path>) -> Outcome<Vec<u32>> {

@@ -14,6 +14,8 @@ mod interface;
 mod module;
 mod reflect;
 pub mod splice;
+#[cfg(feature = "glsl")]
+mod stored;
 mod usage;
 
 use crate::{Error, Result};

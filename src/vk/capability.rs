@@ -5,7 +5,7 @@
 //! capabilities beyond the list are left to the driver and the validation layer.
 
 use super::requirements::Probe;
-use ash::vk::TRUE;
+use ash::vk::{SubgroupFeatureFlags, TRUE};
 use rspirv::spirv::{Capability, Op};
 
 /// Whether the device offers what a capability needs.
@@ -55,10 +55,33 @@ const CAPABILITIES: &[(Capability, &str, Offers)] = &[
     (Capability::StorageImageWriteWithoutFormat, "shaderStorageImageWriteWithoutFormat", |p| {
         p.features.shader_storage_image_write_without_format == TRUE
     }),
+    (Capability::StorageImageExtendedFormats, "shaderStorageImageExtendedFormats", |p| {
+        p.features.shader_storage_image_extended_formats == TRUE
+    }),
+    (Capability::StorageImageMultisample, "shaderStorageImageMultisample", |p| {
+        p.features.shader_storage_image_multisample == TRUE
+    }),
+    (Capability::MinLod, "shaderResourceMinLod", |p| p.features.shader_resource_min_lod == TRUE),
+    (Capability::InterpolationFunction, "sampleRateShading", |p| {
+        p.features.sample_rate_shading == TRUE
+    }),
+    (Capability::DotProduct, "shaderIntegerDotProduct", |p| {
+        p.features13.shader_integer_dot_product == TRUE
+    }),
+    (Capability::GroupNonUniformShuffleRelative, "relative shuffles of subgroups", |p| {
+        subgroups(p, SubgroupFeatureFlags::SHUFFLE_RELATIVE)
+    }),
+    (Capability::GroupNonUniformClustered, "clustered subgroup operations", |p| {
+        subgroups(p, SubgroupFeatureFlags::CLUSTERED)
+    }),
     (Capability::ComputeDerivativeGroupLinearKHR, "VK_KHR_compute_shader_derivatives", |p| {
         p.derivatives_extension().is_some()
     }),
 ];
+
+fn subgroups(probe: &Probe, operations: SubgroupFeatureFlags) -> bool {
+    probe.vulkan11.subgroup_supported_operations.contains(operations)
+}
 
 /// What the device lacks of the list.
 pub(super) fn lacking(probe: &Probe) -> Vec<(Capability, &'static str)> {

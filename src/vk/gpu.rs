@@ -50,7 +50,7 @@ impl Default for GpuOptions {
             require: Require::Any,
             validation: false,
             timeout: Duration::from_secs(30),
-            cache: cache::default_folder(),
+            cache: crate::cache::folder(),
             table: TableSizes::default(),
         }
     }

@@ -143,9 +143,9 @@ impl Importer<'_, '_> {
                 continue;
             };
             match limits::capability(*capability) {
-                Fate::Keep(_) => self.linker.capability(*capability),
-                Fate::Replace(other, _) => self.linker.capability(other),
-                Fate::Drop(_) => {}
+                Fate::Keep => self.linker.capability(*capability),
+                Fate::Replace(other) => self.linker.capability(other),
+                Fate::Drop => {}
                 Fate::Refuse => return Err(format!("the capability {capability:?}")),
             }
         }

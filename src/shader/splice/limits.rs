@@ -9,88 +9,95 @@ use rspirv::spirv::{Capability, Decoration, ExecutionMode};
 
 /// What becomes of a declared capability.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Fate {
-    /// The kernel declares it too; `Some` names the device feature that it needs.
-    Keep(Option<&'static str>),
+pub(super) enum Fate {
+    /// The kernel declares it too. Whether the device has what it needs is asked of the kernel.
+    Keep,
     /// The kernel declares another one.
-    Replace(Capability, Option<&'static str>),
-    /// It means nothing in a kernel; `Some` names the feature that a graphics pipeline needs.
-    Drop(Option<&'static str>),
+    Replace(Capability),
+    /// It means nothing in a kernel: what it stands for is lowered, or refused where it is used.
+    Drop,
     /// Out of reach.
     Refuse,
 }
 
 /// What becomes of `capability`.
-pub(crate) fn capability(capability: Capability) -> Fate {
+pub(super) fn capability(capability: Capability) -> Fate {
     use Capability as C;
     use Fate::{Drop, Keep, Refuse, Replace};
     match capability {
-        C::Matrix | C::Shader | C::Sampled1D | C::Image1D | C::ImageQuery => Keep(None),
-        C::DerivativeControl => Keep(None),
-        C::GroupNonUniform
+        C::Matrix
+        | C::Shader
+        | C::Sampled1D
+        | C::Image1D
+        | C::SampledCubeArray
+        | C::ImageCubeArray
+        | C::ImageQuery
+        | C::ImageGatherExtended
+        | C::MinLod
+        | C::DerivativeControl
+        | C::StorageImageExtendedFormats
+        | C::StorageImageReadWithoutFormat
+        | C::StorageImageWriteWithoutFormat
+        | C::StorageImageMultisample
+        | C::ImageMSArray
+        | C::GroupNonUniform
         | C::GroupNonUniformVote
         | C::GroupNonUniformArithmetic
         | C::GroupNonUniformBallot
         | C::GroupNonUniformShuffle
-        | C::GroupNonUniformQuad => Keep(None),
-        C::GroupNonUniformShuffleRelative => Keep(Some("subgroup shuffle relative operations")),
-        C::GroupNonUniformClustered => Keep(Some("subgroup clustered operations")),
+        | C::GroupNonUniformShuffleRelative
+        | C::GroupNonUniformClustered
+        | C::GroupNonUniformQuad
+        | C::Float64
+        | C::Float16
+        | C::Int64
+        | C::Int16
+        | C::Int8
+        | C::Int64Atomics
+        | C::StorageBuffer16BitAccess
+        | C::StorageBuffer8BitAccess
+        | C::PhysicalStorageBufferAddresses
+        | C::DotProduct
+        | C::DotProductInputAll
+        | C::DotProductInput4x8Bit
+        | C::DotProductInput4x8BitPacked
         // The table's own.
-        C::ShaderNonUniform
+        | C::ShaderNonUniform
         | C::RuntimeDescriptorArray
         | C::SampledImageArrayDynamicIndexing
         | C::SampledImageArrayNonUniformIndexing
         | C::StorageBufferArrayDynamicIndexing
         | C::StorageBufferArrayNonUniformIndexing
         | C::StorageImageArrayDynamicIndexing
-        | C::StorageImageArrayNonUniformIndexing => Keep(None),
-        C::UniformBufferArrayDynamicIndexing => Replace(C::StorageBufferArrayDynamicIndexing, None),
-        C::UniformBufferArrayNonUniformIndexing => {
-            Replace(C::StorageBufferArrayNonUniformIndexing, None)
-        }
-        C::ImageGatherExtended => Keep(Some("shaderImageGatherExtended")),
-        C::SampledCubeArray | C::ImageCubeArray => Keep(Some("imageCubeArray")),
-        C::StorageImageExtendedFormats => Keep(Some("shaderStorageImageExtendedFormats")),
-        C::StorageImageReadWithoutFormat => Keep(Some("shaderStorageImageReadWithoutFormat")),
-        C::StorageImageWriteWithoutFormat => Keep(Some("shaderStorageImageWriteWithoutFormat")),
-        C::StorageImageMultisample | C::ImageMSArray => Keep(Some("shaderStorageImageMultisample")),
-        C::MinLod => Keep(Some("shaderResourceMinLod")),
-        C::Float64 => Keep(Some("shaderFloat64")),
-        C::Float16 => Keep(Some("shaderFloat16")),
-        C::Int64 => Keep(Some("shaderInt64")),
-        C::Int16 => Keep(Some("shaderInt16")),
-        C::Int8 => Keep(Some("shaderInt8")),
-        C::Int64Atomics => Keep(Some("shaderBufferInt64Atomics")),
-        C::StorageBuffer16BitAccess => Keep(Some("storageBuffer16BitAccess")),
+        | C::StorageImageArrayNonUniformIndexing => Keep,
+        // Uniform and push-constant blocks are storage buffers in a kernel.
+        C::UniformBufferArrayDynamicIndexing => Replace(C::StorageBufferArrayDynamicIndexing),
+        C::UniformBufferArrayNonUniformIndexing => Replace(C::StorageBufferArrayNonUniformIndexing),
         C::UniformAndStorageBuffer16BitAccess | C::StoragePushConstant16 => {
-            Replace(C::StorageBuffer16BitAccess, Some("storageBuffer16BitAccess"))
+            Replace(C::StorageBuffer16BitAccess)
         }
-        C::StorageBuffer8BitAccess => Keep(Some("storageBuffer8BitAccess")),
         C::UniformAndStorageBuffer8BitAccess | C::StoragePushConstant8 => {
-            Replace(C::StorageBuffer8BitAccess, Some("storageBuffer8BitAccess"))
+            Replace(C::StorageBuffer8BitAccess)
         }
-        C::PhysicalStorageBufferAddresses => Keep(Some("bufferDeviceAddress")),
-        C::DotProduct | C::DotProductInputAll | C::DotProductInput4x8Bit => {
-            Keep(Some("shaderIntegerDotProduct"))
-        }
-        C::DotProductInput4x8BitPacked => Keep(Some("shaderIntegerDotProduct")),
-        // What they stand for is lowered, or refused where it is used.
-        C::DemoteToHelperInvocation | C::SampledBuffer | C::ImageBuffer | C::InputAttachment => {
-            Drop(None)
-        }
-        C::StorageInputOutput16 => Drop(Some("storageInputOutput16")),
-        C::Geometry => Drop(Some("geometryShader")),
-        C::Tessellation => Drop(Some("tessellationShader")),
-        C::MultiViewport => Drop(Some("multiViewport")),
-        C::ClipDistance => Drop(Some("shaderClipDistance")),
-        C::CullDistance => Drop(Some("shaderCullDistance")),
-        C::SampleRateShading | C::InterpolationFunction => Drop(Some("sampleRateShading")),
-        C::DrawParameters => Drop(Some("shaderDrawParameters")),
-        C::MultiView => Drop(Some("multiview")),
-        C::ShaderViewportIndexLayerEXT | C::ShaderLayer => Drop(Some("shaderOutputLayer")),
-        C::ShaderViewportIndex => Drop(Some("shaderOutputViewportIndex")),
-        C::FragmentShadingRateKHR => Drop(Some("pipelineFragmentShadingRate")),
-        C::FragmentBarycentricKHR => Drop(Some("fragmentShaderBarycentric")),
+        C::DemoteToHelperInvocation
+        | C::SampledBuffer
+        | C::ImageBuffer
+        | C::InputAttachment
+        | C::StorageInputOutput16
+        | C::Geometry
+        | C::Tessellation
+        | C::MultiViewport
+        | C::ClipDistance
+        | C::CullDistance
+        | C::SampleRateShading
+        | C::InterpolationFunction
+        | C::DrawParameters
+        | C::MultiView
+        | C::ShaderViewportIndexLayerEXT
+        | C::ShaderLayer
+        | C::ShaderViewportIndex
+        | C::FragmentShadingRateKHR
+        | C::FragmentBarycentricKHR => Drop,
         _ => Refuse,
     }
 }

@@ -25,7 +25,7 @@ mod guard;
 mod hooks;
 mod import;
 mod kill;
-pub(crate) mod limits;
+mod limits;
 mod linker;
 mod nonuniform;
 mod order;

@@ -1,0 +1,103 @@
+//! Results on disk that are slow to make again: compiled shaders and pipelines.
+//!
+//! One file per result in `tilewright` under `XDG_CACHE_HOME`, or `~/.cache`. The folder may be
+//! deleted at any time; `TILEWRIGHT_CACHE=off` uses none. A file is replaced as a whole and carries
+//! a checksum, since a run may be killed and a disk may be full; one that cannot be read or written
+//! is as good as none: a cache never fails a run.
+//!
+//! Spliced kernels are not kept: splicing takes less than a millisecond, about what it takes to read
+//! and check them.
+
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+};
+
+const MAGIC: &[u8; 8] = b"TWCACHE1";
+/// Bytes before the content: magic and checksum.
+const HEADER_BYTES: usize = 16;
+
+/// `tilewright` in the user's cache folder, if there is one and it is wanted.
+pub(crate) fn folder() -> Option<PathBuf> {
+    if std::env::var_os("TILEWRIGHT_CACHE").is_some_and(|v| v == "off") {
+        return None;
+    }
+    let absolute = |name| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
+    let base = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
+    Some(base.join("tilewright"))
+}
+
+/// The content of a file that [`write`] wrote.
+pub(crate) fn read(file: &Path) -> Option<Vec<u8>> {
+    unwrap(std::fs::read(file).ok()?)
+}
+
+/// Replaces a file.
+pub(crate) fn write(file: &Path, content: &[u8]) {
+    if let Err(e) = replace(file, &wrap(content)) {
+        log::debug!("{}: {e}", file.display());
+    }
+}
+
+/// FNV-1a, for names and against broken files. What must not be confused is compared in full.
+pub(crate) fn checksum<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
+    parts
+        .into_iter()
+        .flatten()
+        .fold(0xcbf2_9ce4_8422_2325, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
+}
+
+fn replace(file: &Path, content: &[u8]) -> std::io::Result<()> {
+    let folder = file.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder)?;
+    let mut new = tempfile::NamedTempFile::new_in(folder)?;
+    new.write_all(content)?;
+    new.persist(file).map_err(|e| e.error)?;
+    Ok(())
+}
+
+fn wrap(content: &[u8]) -> Vec<u8> {
+    let mut whole = Vec::with_capacity(HEADER_BYTES + content.len());
+    whole.extend_from_slice(MAGIC);
+    whole.extend_from_slice(&checksum([content]).to_le_bytes());
+    whole.extend_from_slice(content);
+    whole
+}
+
+fn unwrap(whole: Vec<u8>) -> Option<Vec<u8>> {
+    let content = whole.get(HEADER_BYTES..)?;
+    let good = &whole[..8] == MAGIC && whole[8..16] == checksum([content]).to_le_bytes();
+    good.then(|| content.to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_wrapped_is_unwrapped_and_anything_else_is_refused() {
+        let content = wrap(b"a blob");
+        assert_eq!(unwrap(content.clone()).as_deref(), Some(&b"a blob"[..]));
+        for i in 0..content.len() {
+            let mut broken = content.clone();
+            broken[i] ^= 1;
+            assert_eq!(unwrap(broken), None, "byte {i}");
+            assert_eq!(unwrap(content[..i].to_vec()), None, "cut at {i}");
+        }
+    }
+
+    #[test]
+    fn a_file_is_replaced_as_a_whole_and_a_broken_one_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("new/cache.bin");
+        assert_eq!(read(&file), None);
+        write(&file, b"one");
+        write(&file, b"two");
+        assert_eq!(read(&file).as_deref(), Some(&b"two"[..]));
+        assert_eq!(std::fs::read_dir(file.parent().unwrap()).unwrap().count(), 1);
+        std::fs::write(&file, b"TWCACHE1 and then nonsense").unwrap();
+        assert_eq!(read(&file), None);
+        // A folder where the file should be: nothing happens.
+        write(file.parent().unwrap(), b"three");
+    }
+}

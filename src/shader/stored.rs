@@ -1,0 +1,85 @@
+//! Compiled GLSL on disk (see [`crate::cache`]), so that most runs do not start the compiler at all:
+//! its first call in a process takes 0.2 seconds, later ones 1 to 6 milliseconds; reading a result
+//! takes 0.1 to 0.4.
+//!
+//! A file holds what the result depends on and the result. What it depends on is compared in full,
+//! so two sources can never be taken for each other. Sources that include others are compiled every
+//! time: what they depend on is not in them.
+
+use super::Stage;
+use crate::{cache, kernels};
+use std::{
+    path::{Path, PathBuf},
+    sync::OnceLock,
+};
+
+/// A source and where its result is kept.
+pub(super) struct Entry {
+    file: PathBuf,
+    key: Vec<u8>,
+}
+
+impl Entry {
+    /// The entry for a source, if results are kept and this one may be.
+    pub fn new(folder: Option<&Path>, stage: Stage, source: &str) -> Option<Self> {
+        if source.contains("#include") {
+            return None;
+        }
+        let key =
+            [maker().as_bytes(), format!("{stage:?}\n").as_bytes(), source.as_bytes()].concat();
+        let name = format!("shader-{:016x}.bin", cache::checksum([key.as_slice()]));
+        Some(Self { file: folder?.join(name), key })
+    }
+
+    /// The module that was kept.
+    pub fn read(&self) -> Option<Vec<u32>> {
+        let content = cache::read(&self.file)?;
+        let (length, rest) = content.split_first_chunk::<4>()?;
+        let (key, words) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        let words = words.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        (key == self.key).then(|| words.collect())
+    }
+
+    /// Keeps a module.
+    pub fn write(&self, words: &[u32]) {
+        let mut content = (self.key.len() as u32).to_le_bytes().to_vec();
+        content.extend_from_slice(&self.key);
+        content.extend(words.iter().flat_map(|w| w.to_le_bytes()));
+        cache::write(&self.file, &content);
+    }
+}
+
+/// What made the module: this version, the compiler's settings, and the compiler, which is the one
+/// that made the kernels: another one would have made other kernels.
+fn maker() -> &'static str {
+    static MAKER: OnceLock<String> = OnceLock::new();
+    MAKER.get_or_init(|| {
+        let settings = cache::checksum([include_bytes!("compile.rs").as_slice()]);
+        let kernels = [kernels::VERTEX, kernels::SHADE, kernels::ORDERED].concat();
+        let bytes: Vec<u8> = kernels.iter().flat_map(|w| w.to_le_bytes()).collect();
+        let compiler = cache::checksum([bytes.as_slice()]);
+        format!("tilewright {} {settings:016x} {compiler:016x}\n", env!("CARGO_PKG_VERSION"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_module_is_kept_for_its_source_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let entry = |stage, source| Entry::new(Some(folder.path()), stage, source).unwrap();
+        let first = entry(Stage::Vertex, "void main() {}");
+        assert_eq!(first.read(), None);
+        first.write(&[1, 2, 3]);
+        assert_eq!(entry(Stage::Vertex, "void main() {}").read().as_deref(), Some(&[1, 2, 3][..]));
+        assert_eq!(entry(Stage::Fragment, "void main() {}").read(), None);
+        assert_eq!(entry(Stage::Vertex, "void main() { }").read(), None);
+        // Another source whose name is the same by accident.
+        let other = Entry { file: first.file.clone(), key: b"other".to_vec() };
+        assert_eq!(other.read(), None);
+        assert!(Entry::new(None, Stage::Vertex, "").is_none());
+        assert!(Entry::new(Some(folder.path()), Stage::Vertex, "#include \"a\"").is_none());
+    }
+}
