@@ -1,15 +1,16 @@
 //! The default scene: a teapot and three balls on a checkered floor under a morning sky.
 //!
-//! Nothing in it is special to the renderer: the sky is a painted dome, the floor fades into it by
-//! vertex alpha, and the shadow is a texture that is computed when the scene is made.
+//! Nothing in it is special to the renderer, and nothing in it blends: the sky is a painted dome; the
+//! floor turns into haze because its own colour fades by vertex colours while a map of the haze
+//! shines; the shadow is computed when the scene is made and is in the vertex colours too.
 
 use super::super::{
     build::Builder,
-    camera::Camera,
+    camera::{Camera, Projection},
     light::Light,
-    material::{AlphaMode, Map, Material, TextureUse},
+    material::{Map, Material, TextureUse},
     mesh::Mesh,
-    texture::{ColorSpace, with_mips},
+    texture::{ColorSpace, linear_to_srgb, with_mips},
 };
 use super::{add, checkerboard, plastic, shapes, teapot};
 use crate::{
@@ -17,12 +18,15 @@ use crate::{
     texture::{Sampler, Texture, Wrap},
 };
 use glam::{Mat4, Vec2, Vec3};
-use std::f32::consts::TAU;
 
-/// Radius of the dome, of the floor, and of the part of the floor that does not fade.
+/// Radius of the dome.
 const SKY: f32 = 60.0;
+/// Half the side of the floor, where it starts to turn into haze, and its quads along a side.
 const FLOOR: f32 = 44.0;
-const NEAR_FLOOR: f32 = 11.0;
+const CLEAR: f32 = 9.0;
+const FLOOR_QUADS: u32 = 180;
+/// What is at the horizon; below the shoulder of the tone curve, so that lit and unlit agree.
+const HAZE: Vec3 = Vec3::new(0.73, 0.66, 0.58);
 
 /// Half the side of the square that the shadow is computed for, and its texels.
 const SHADOW_HALF: f32 = 9.0;
@@ -31,64 +35,93 @@ const SHADOW_TEXELS: usize = 512;
 pub(super) fn build(builder: &mut Builder, _seed: u64) -> Result<(), String> {
     let light = Light {
         key_direction: Vec3::new(-0.62, 0.60, 0.50).normalize(),
-        key_color: Vec3::new(1.0, 0.87, 0.70) * 1.5,
-        sky: Vec3::new(0.36, 0.50, 0.74),
-        horizon: Vec3::new(0.82, 0.78, 0.74),
-        ground: Vec3::new(0.24, 0.21, 0.18),
+        key_color: Vec3::new(1.0, 0.86, 0.68) * 1.7,
+        sky: Vec3::new(0.30, 0.38, 0.52),
+        horizon: Vec3::new(0.86, 0.79, 0.70),
+        ground: Vec3::new(0.20, 0.165, 0.135),
         background: Vec3::new(0.7, 0.72, 0.76),
     };
     builder.light = light;
-    let (eye, target) = (Vec3::new(1.9, 3.35, 10.4), Vec3::new(0.28, 1.12, 0.0));
+    let (eye, target) = (Vec3::new(1.7, 4.4, 12.6), Vec3::new(0.22, 1.22, 0.0));
     let mut camera = Camera::look_at(eye, target, Vec3::Y, 0.5);
-    camera.projection = super::super::Projection::Perspective { yfov: 0.5, near: 1.0, far: None };
+    camera.projection = Projection::Perspective { yfov: 0.5, near: 1.0, far: None };
     builder.cameras.push(camera);
 
-    let mut glaze = plastic([0.012, 0.20, 0.215], 0.16);
+    let mut glaze = plastic([0.008, 0.155, 0.175], 0.14);
     glaze.double_sided = true;
-    let mut copper = plastic([0.93, 0.52, 0.36], 0.22);
-    copper.metallic = 1.0;
+    let mut gold = plastic([1.0, 0.66, 0.24], 0.2);
+    gold.metallic = 1.0;
     let ball = shapes::sphere(64, 32);
     let placed = |x: f32, z: f32, r: f32| {
         Mat4::from_translation(Vec3::new(x, r, z)) * Mat4::from_scale(Vec3::splat(r))
     };
     let things = [
         (teapot::teapot(20), glaze, Mat4::from_rotation_y(0.42)),
-        (ball.clone(), copper, placed(-3.1, 1.7, 0.62)),
+        (ball.clone(), gold, placed(-3.1, 1.7, 0.62)),
         (ball.clone(), plastic([0.83, 0.78, 0.68], 0.45), placed(2.9, 2.1, 0.42)),
         (ball, plastic([0.58, 0.055, 0.035], 0.3), placed(-1.75, 2.75, 0.34)),
     ];
     let shadow = Shadow::new(things.iter().map(|(mesh, _, at)| (mesh, *at)), light.key_direction);
-    floor(builder)?;
+    floor(builder, &shadow.darkness())?;
     sky(builder, light.key_direction)?;
-    shadow.add(builder)?;
     for (mesh, material, at) in &things {
         add(builder, mesh, material.clone(), *at)?;
     }
     Ok(())
 }
 
-/// A round floor: a disc, and a ring around it that fades out.
-fn floor(builder: &mut Builder) -> Result<(), String> {
-    let texture = builder.texture(|| Ok(checkerboard(8, 64, [[214, 202, 184], [112, 100, 92]])));
-    let mut material = plastic([1.0; 3], 0.55);
-    material.maps[Map::BaseColor as usize] = Some(TextureUse::new(texture));
-    let ring = |inner: f32, outer: f32, steps: u32| {
-        shapes::grid(steps, 96, |u, v| {
-            let (s, c) = if v == 1.0 { (0.0, 1.0) } else { (v * TAU).sin_cos() };
-            let p = Vec3::new(c, 0.0, -s) * (inner + (outer - inner) * u);
-            // A square of the board is 0.9 wide; turned a little, so that no edge is level.
-            let turned = Vec2::from_angle(0.3).rotate(Vec2::new(p.x, p.z));
-            (p, Vec3::Y, turned / (8.0 * 0.9))
-        })
+/// How much of the floor is haze at this distance.
+fn haze(distance: f32) -> f32 {
+    let t = ((distance - CLEAR) / (FLOOR - CLEAR)).clamp(0.0, 1.0);
+    t * (2.0 - t)
+}
+
+/// The floor: a grid that is dense where the shadow lies.
+fn floor(builder: &mut Builder, darkness: &[f32]) -> Result<(), String> {
+    let board = builder.texture(|| Ok(checkerboard(8, 64, [[205, 190, 168], [84, 76, 74]])));
+    let mut material = plastic([1.0; 3], 0.8);
+    let far = |map: fn(f32) -> [u8; 3], space| move || Ok(radial(map, space));
+    let shine = |t: f32| (HAZE * haze(t)).to_array().map(|v| (linear_to_srgb(v) * 255.0) as u8);
+    let rest = |t: f32| [((1.0 - haze(t)) * 255.0) as u8; 3];
+    let shine = builder.texture(far(shine, ColorSpace::Srgb));
+    let rest = builder.texture(far(rest, ColorSpace::Linear));
+    let clamp =
+        Sampler { wrap_u: Wrap::ClampToEdge, wrap_v: Wrap::ClampToEdge, ..Sampler::default() };
+    let over_all = |texture| TextureUse { sampler: clamp, uv_set: 1, ..TextureUse::new(texture) };
+    material.maps[Map::BaseColor as usize] = Some(TextureUse::new(board));
+    material.maps[Map::Emissive as usize] = Some(over_all(shine));
+    material.maps[Map::Occlusion as usize] = Some(over_all(rest));
+    material.emissive = Vec3::ONE;
+    let spread = |t: f32| {
+        let t = t * 2.0 - 1.0;
+        7.0 * t + (FLOOR - 7.0) * t.powi(9)
     };
-    add(builder, &ring(0.0, NEAR_FLOOR, 4), material.clone(), Mat4::IDENTITY)?;
-    let mut fading = ring(NEAR_FLOOR, FLOOR, 24);
-    shapes::paint(&mut fading, |p| {
-        let t = ((p.length() - NEAR_FLOOR) / (FLOOR - NEAR_FLOOR)).clamp(0.0, 1.0);
-        Vec3::ONE.extend((1.0 - t) * (1.0 - t) * (1.0 + 2.0 * t))
+    let mut mesh = shapes::grid(FLOOR_QUADS, FLOOR_QUADS, |u, v| {
+        let p = Vec3::new(spread(u), 0.0, -spread(v));
+        // A square of the board is 0.9 wide; turned a little, so that no edge is level.
+        let turned = Vec2::from_angle(0.3).rotate(Vec2::new(p.x, p.z));
+        (p, Vec3::Y, turned / (8.0 * 0.9))
     });
-    material.alpha = AlphaMode::Blend;
-    add(builder, &fading, material, Mat4::IDENTITY)
+    mesh.uvs[1] = mesh.positions.iter().map(|p| Vec2::new(p.x, p.z) / FLOOR * 0.5 + 0.5).collect();
+    shapes::paint(&mut mesh, |p| {
+        // What is left in the shade is a little blue.
+        let shade = Vec3::ONE.lerp(Vec3::new(0.02, 0.03, 0.05), sample(darkness, p));
+        (shade * (1.0 - haze(p.length()))).extend(1.0)
+    });
+    add(builder, &mesh, material, Mat4::IDENTITY)
+}
+
+/// A texture over the whole floor whose colour depends on the distance from the middle.
+fn radial(color: fn(f32) -> [u8; 3], space: ColorSpace) -> Texture {
+    const TEXELS: u32 = 512;
+    let texel = |i: u32| {
+        let at = Vec2::new((i % TEXELS) as f32, (i / TEXELS) as f32) + 0.5;
+        let distance = (at / TEXELS as f32 * 2.0 - 1.0).length() * FLOOR;
+        let [r, g, b] = color(distance);
+        [r, g, b, 255]
+    };
+    let texels = (0..TEXELS * TEXELS).flat_map(texel).collect();
+    with_mips("haze", Extent::new(TEXELS, TEXELS), texels, space)
 }
 
 /// A dome around everything, bright at the horizon and around the sun.
@@ -97,14 +130,12 @@ fn sky(builder: &mut Builder, sun: Vec3) -> Result<(), String> {
     let toward = Vec3::new(sun.x, 0.1, -sun.z.abs()).normalize();
     shapes::paint(&mut dome, |d| {
         let zenith = Vec3::new(0.135, 0.30, 0.60);
-        let middle = Vec3::new(0.40, 0.60, 0.82);
-        let horizon = Vec3::new(0.86, 0.79, 0.70);
-        let haze = Vec3::new(0.62, 0.57, 0.52);
+        let middle = Vec3::new(0.33, 0.54, 0.80);
         let up = d.y;
         let color = match up {
-            ..0.0 => horizon.lerp(haze, (-up * 5.0).min(1.0)),
+            ..0.0 => HAZE,
             _ => {
-                let low = horizon.lerp(middle, 1.0 - (-up * 9.0).exp());
+                let low = HAZE.lerp(middle, 1.0 - (-up * 14.0).exp());
                 low.lerp(zenith, (up * 1.25).min(1.0).powf(0.8))
             }
         };
@@ -138,19 +169,8 @@ impl Shadow {
         shadow
     }
 
-    /// A sheet above the floor that darkens it.
-    fn add(self, builder: &mut Builder) -> Result<(), String> {
-        let texture = builder.texture(move || Ok(self.paint()));
-        let clamp =
-            Sampler { wrap_u: Wrap::ClampToEdge, wrap_v: Wrap::ClampToEdge, ..Sampler::default() };
-        let used = TextureUse { sampler: clamp, ..TextureUse::new(texture) };
-        let mut material = Material { unlit: true, alpha: AlphaMode::Blend, ..Material::default() };
-        material.maps[Map::BaseColor as usize] = Some(used);
-        let sheet = shapes::floor(SHADOW_HALF, 1, 1.0);
-        add(builder, &sheet, material, Mat4::from_translation(Vec3::Y * 0.004))
-    }
-
-    fn paint(&self) -> Texture {
+    /// The share of light that is missing, by texel.
+    fn darkness(&self) -> Vec<f32> {
         let mut cast = vec![0.0; SHADOW_TEXELS * SHADOW_TEXELS];
         for triangle in &self.cast {
             fill(&mut cast, triangle, 1.0);
@@ -161,14 +181,23 @@ impl Shadow {
             fill(&mut below, triangle, 1.0 / (1.0 + 1.6 * height));
         }
         blur(&mut below, 12);
-        let texels = cast.iter().zip(&below).flat_map(|(cast, below)| {
-            let light = (1.0 - 0.62 * cast) * (1.0 - 0.55 * below);
-            // The colour of what is left in the shade is a little blue.
-            [7, 9, 16, ((1.0 - light) * 255.0) as u8]
-        });
-        let extent = Extent::new(SHADOW_TEXELS as u32, SHADOW_TEXELS as u32);
-        with_mips("shadow", extent, texels.collect(), ColorSpace::Srgb)
+        let missing =
+            |(cast, below): (&f32, &f32)| 1.0 - (1.0 - 0.72 * cast) * (1.0 - 0.65 * below);
+        cast.iter().zip(&below).map(missing).collect()
     }
+}
+
+/// The darkness at a point of the floor, between texels.
+fn sample(darkness: &[f32], p: Vec3) -> f32 {
+    let at = texel(p) - 0.5;
+    let (low, part) = (at.floor(), at - at.floor());
+    let value = |x: f32, y: f32| {
+        let inside = 0.0..SHADOW_TEXELS as f32;
+        let there = inside.contains(&x) && inside.contains(&y);
+        if there { darkness[y as usize * SHADOW_TEXELS + x as usize] } else { 0.0 }
+    };
+    let row = |y: f32| value(low.x, y) * (1.0 - part.x) + value(low.x + 1.0, y) * part.x;
+    row(low.y) * (1.0 - part.y) + row(low.y + 1.0) * part.y
 }
 
 /// Where a point above the floor lies in the shadow's texture.
