@@ -324,6 +324,51 @@ void main() {
 }
 
 #[test]
+fn arrays_are_as_long_as_what_is_bound() {
+    on_each_gpu("arrays are as long as what is bound", |gpu| {
+        let vertex = "layout(push_constant) uniform Push { uint column; };
+layout(location = 0) flat out uint out_column;
+void main() {
+    vec2 corner = vec2(gl_VertexIndex & 1, gl_VertexIndex >> 1);
+    gl_Position = vec4((float(column) + corner.x) / 2.0 - 1.0, corner.y * 2.0 - 1.0, 0, 1);
+    out_column = column;
+}";
+        let fragment = "#extension GL_EXT_nonuniform_qualifier : require
+layout(binding = 7) uniform sampler2D images[];
+layout(location = 0) flat in uint column;
+layout(location = 0) out vec4 color;
+void main() {
+    if (gl_FragCoord.y > 2.0) discard;
+    color = textureLod(images[nonuniformEXT(column)], vec2(0.5), 0);
+}";
+        let images: Vec<_> = [RED, GREEN, BLUE]
+            .map(|color| {
+                let texture = Texture {
+                    label: "one".into(),
+                    extent: Extent::new(1, 1),
+                    format: Format::Rgba8Srgb,
+                    levels: vec![color.to_vec()],
+                };
+                Binding::Sampled(Arc::new(texture), Sampler::default())
+            })
+            .into();
+        // Draws of one pipeline may bind arrays of different length.
+        let draws = [(0, 1), (1, 2), (2, 3)].map(|(column, bound)| Draw {
+            sets: vec![Arc::new(BindingSet {
+                entries: vec![BindingEntry { binding: 7, resources: images[..bound].to_vec() }],
+            })],
+            push_constants: u32::to_ne_bytes(column).to_vec(),
+            ..Draw::new(0, 4)
+        });
+        let pipeline = Pipeline { topology: Topology::TriangleStrip, ..pipeline(vertex, fragment) };
+        let frame = render(gpu, &pass(Extent::new(8, 4), vec![pipeline], draws.to_vec()));
+        let row = |y| [0, 2, 4, 6].map(|x| frame.color.texel(x, y).to_vec());
+        assert_eq!(row(1), [RED, GREEN, BLUE, BLACK]);
+        assert_eq!(row(2), [BLACK; 4]);
+    });
+}
+
+#[test]
 fn what_shaders_write_is_gone_with_the_pass() {
     on_each_gpu("what shaders write is gone with the pass", |gpu| {
         let vertex = "void main() {

@@ -177,7 +177,7 @@ fn messenger_info(messages: &Messages) -> vk::DebugUtilsMessengerCreateInfoEXT<'
 
 unsafe extern "system" fn on_message(
     severity: vk::DebugUtilsMessageSeverityFlagsEXT,
-    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    kind: vk::DebugUtilsMessageTypeFlagsEXT,
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     messages: *mut c_void,
 ) -> vk::Bool32 {
@@ -189,6 +189,12 @@ unsafe extern "system" fn on_message(
         let text = data.message_as_c_str().map(CStr::to_string_lossy).unwrap_or_default();
         (id, text, &*(messages as *const Mutex<Vec<String>>))
     };
+    // The loader's own remarks are about files and names, not about what we do; what matters of them
+    // comes back as an error code.
+    if kind == vk::DebugUtilsMessageTypeFlagsEXT::GENERAL {
+        log::debug!("{text}");
+        return vk::FALSE;
+    }
     if !FILTERED.iter().any(|f| text.contains(f.text)) {
         let kind = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) {
             "error"
