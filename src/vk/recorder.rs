@@ -184,25 +184,28 @@ impl Recorder {
     /// [`Error::Usage`] if the levels are not those of the image.
     pub fn upload_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
         let raw = &image.0;
-        let mut content = Vec::new();
-        let mut regions = Vec::new();
+        let total = levels.iter().map(|level| level.as_ref().len()).sum();
+        let name = format!("upload of {}", raw.name);
+        let staging = Buffer::<u8>::new(&self.gpu, &name, total, Memory::Upload)?;
+        let (mut regions, mut at) = (Vec::new(), 0);
         for (n, level) in levels.iter().enumerate() {
-            let region = raw.copy_of_level(n as u32, content.len() as u64);
+            let level = level.as_ref();
+            let region = raw.copy_of_level(n as u32, at as u64);
             let e = region.image_extent;
             let bytes = e.width as usize * e.height as usize * raw.format.texel_bytes();
-            if level.as_ref().len() != bytes || levels.len() != raw.levels as usize {
+            if level.len() != bytes || levels.len() != raw.levels as usize {
                 return Err(Error::Usage(format!(
                     "image `{}` has {} levels, level {n} with {bytes} bytes; not {} with {}",
                     raw.name,
                     raw.levels,
                     levels.len(),
-                    level.as_ref().len()
+                    level.len()
                 )));
             }
-            content.extend_from_slice(level.as_ref());
+            staging.write(at, level)?;
+            at += bytes;
             regions.push(region);
         }
-        let staging = Buffer::upload(&self.gpu, &format!("upload of {}", raw.name), &content)?;
         self.transition(image, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         // SAFETY: the regions are the image's levels, and lie in `staging` one after the other.
         unsafe {

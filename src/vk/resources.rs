@@ -18,13 +18,17 @@ use crate::{
 };
 use std::{collections::HashMap, sync::Arc};
 
+/// Copies run once this much waits for them: a scene's textures are not kept twice over.
+const PENDING_BYTES: usize = 64 << 20;
+
 /// Uploaded buffers and textures.
 pub struct Resources {
     gpu: Gpu,
     buffers: HashMap<*const pass::Buffer, (Arc<pass::Buffer>, Buffer<u8>)>,
     textures: HashMap<*const Texture, (Arc<Texture>, Image)>,
-    /// Copies that [`Resources::flush`] has to run.
+    /// Copies that [`Resources::flush`] has to run, and the bytes that wait in host memory for them.
     pending: Option<Recorder>,
+    pending_bytes: usize,
 }
 
 // SAFETY: the pointers are keys only; what they point to is held by the `Arc` beside them.
@@ -33,7 +37,13 @@ unsafe impl Send for Resources {}
 impl Resources {
     /// An empty cache.
     pub fn new(gpu: &Gpu) -> Self {
-        Self { gpu: gpu.clone(), buffers: HashMap::new(), textures: HashMap::new(), pending: None }
+        Self {
+            gpu: gpu.clone(),
+            buffers: HashMap::new(),
+            textures: HashMap::new(),
+            pending: None,
+            pending_bytes: 0,
+        }
     }
 
     /// The upload of `buffer`.
@@ -51,6 +61,8 @@ impl Resources {
             let (len, memory) = (buffer.bytes.len(), Memory::Device);
             let uploaded = Buffer::new(&self.gpu, &buffer.label, len, memory)?;
             self.pending()?.upload(&uploaded, &buffer.bytes)?;
+            self.pending_bytes += len;
+            self.flush_above(PENDING_BYTES)?;
             uploaded
         };
         self.buffers.insert(Arc::as_ptr(buffer), (buffer.clone(), uploaded.clone()));
@@ -77,6 +89,8 @@ impl Resources {
             },
         )?;
         self.pending()?.upload_image(&uploaded, &texture.levels)?;
+        self.pending_bytes += texture.levels.iter().map(Vec::len).sum::<usize>();
+        self.flush_above(PENDING_BYTES)?;
         self.textures.insert(Arc::as_ptr(texture), (texture.clone(), uploaded.clone()));
         Ok(uploaded)
     }
@@ -94,10 +108,15 @@ impl Resources {
     /// # Errors
     /// As [`super::Recording::run`].
     pub fn flush(&mut self) -> Result<()> {
+        self.pending_bytes = 0;
         match self.pending.take() {
             Some(recorder) => recorder.submit().map(|_| ()),
             None => Ok(()),
         }
+    }
+
+    fn flush_above(&mut self, bytes: usize) -> Result<()> {
+        if self.pending_bytes > bytes { self.flush() } else { Ok(()) }
     }
 
     /// Forgets what nobody else holds.
