@@ -7,11 +7,17 @@ use std::{
     process::{Command, Stdio},
 };
 use tilewright::{
+    format::Format,
+    image::Extent,
     shader::{
         Shader, Stage,
         splice::{Derivatives, SpliceOptions, splice},
     },
-    vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder, ResourceTable},
+    texture,
+    vk::{
+        Buffer, Gpu, Image, ImageInfo, ImageUse, Kernel, KernelInfo, Memory, Recorder,
+        ResourceTable, Sampler,
+    },
 };
 
 const PIXELS: usize = 128;
@@ -311,6 +317,72 @@ fn run_time_arrays_have_lengths() {
         void main() { color = uvec4(a.list.length(), b.list.length(), 0, 0); }";
     // The list of pairs begins at its alignment, byte 8.
     scene.shade(body, |shaded| assert_eq!(shaded.bits(PIXELS - 1, 0), [3, 5, 0, 0]));
+}
+
+/// A texture of 16 x 16 whose level `n` is `n / 10` everywhere, and a sampler that takes the nearest
+/// level.
+fn levels(gpu: &Gpu) -> (Image, Sampler) {
+    let info = ImageInfo {
+        name: "levels",
+        extent: Extent::new(16, 16),
+        format: Format::Rgba8Unorm,
+        levels: 5,
+        usage: ImageUse::Sampled,
+    };
+    let image = Image::new(gpu, &info).unwrap();
+    let level =
+        |n: usize| -> Vec<u8> { vec![(n as f32 * 25.5).round() as u8; 4 * (16 >> n) * (16 >> n)] };
+    let mut recorder = Recorder::new(gpu, "levels").unwrap();
+    recorder.upload_image(&image, &(0..5).map(level).collect::<Vec<_>>()).unwrap();
+    recorder.submit().unwrap();
+    let sampler = texture::Sampler { mip: Some(texture::Filter::Nearest), ..Default::default() };
+    (image, Sampler::new(gpu, &sampler).unwrap())
+}
+
+#[test]
+fn implicit_levels_come_from_the_quad() {
+    on_each_gpu("implicit levels come from the quad", |gpu| {
+        let mut scene = Scene::new(gpu);
+        let (image, sampler) = levels(gpu);
+        scene.table.insert_texture(&image).unwrap();
+        for _ in 0..2 {
+            scene.slots.push(scene.table.insert_sampled(&image, &sampler).unwrap());
+        }
+        scene.slots.push(scene.table.insert_texture(&image).unwrap());
+        scene.slots.push(scene.table.insert_sampler(&sampler).unwrap());
+        // Texels per pixel, so levels: 1, 2, 4 and 8 are 0, 1, 2 and 3.
+        let body = "#extension GL_EXT_samplerless_texture_functions : require
+            layout(set = 0, binding = 0) uniform sampler2D image;
+            layout(set = 0, binding = 1) uniform texture2D half_image;
+            layout(set = 0, binding = 1) uniform sampler half_sampler;
+            layout(set = 1, binding = 0) uniform texture2D only_image;
+            layout(set = 1, binding = 1) uniform sampler only_sampler;
+            layout(location = 0) in vec2 p;
+            layout(location = 0) out vec4 color;
+            layout(location = 1) out vec4 more;
+            vec4 through(sampler2D s, vec2 at) { return texture(s, at); }
+            void main() {
+                vec2 uv = p / 16.0;
+                color = vec4(texture(image, uv * 4.0).x, texture(image, uv, 3.0).x,
+                    textureProj(image, vec3(uv * 8.0, 2.0)).x, through(image, uv * 8.0).x);
+                more.x = texture(sampler2D(half_image, half_sampler), uv * 2.0, 1.0).x;
+                more.y = texture(sampler2D(only_image, only_sampler), uv.yx * 2.0).x;
+                more.z = textureLod(image, uv, 1.0).x + texelFetch(half_image, ivec2(0), 4).x;
+                if (int(p.x) % 2 == 1) discard;
+                more.w = textureProj(image, vec4(uv * 2.0, 0.0, 0.5), -1.0).x;
+            }";
+        scene.shade(body, |shaded| {
+            for pixel in [0, 2, 64, 126] {
+                let near = |bits: [u32; 4], expected: [f32; 4]| {
+                    for (a, b) in bits.map(f32::from_bits).iter().zip(expected) {
+                        assert!((a - b).abs() < 0.01, "pixel {pixel}: {a}, not {b}");
+                    }
+                };
+                near(shaded.bits(pixel, 0), [0.2, 0.3, 0.2, 0.3]);
+                near(shaded.bits(pixel, 1), [0.2, 0.1, 0.5, 0.1]);
+            }
+        });
+    });
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod include;
 mod interface;
 mod module;
 mod reflect;
+mod resource;
 pub mod splice;
 #[cfg(feature = "glsl")]
 mod stored;
@@ -148,7 +149,7 @@ pub struct Varying {
 /// What a shader binds, reads and writes.
 #[derive(Clone, Debug, Default)]
 pub struct Reflection {
-    /// Resources the entry point uses, sorted by set and binding.
+    /// Resources the entry point uses, each set and binding once, sorted.
     pub resources: Vec<Resource>,
     /// Bytes of the push-constant block, 0 if there is none.
     pub push_constant_bytes: u32,

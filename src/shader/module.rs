@@ -10,7 +10,7 @@
 
 use rspirv::{
     dr::{self, Instruction, Operand},
-    spirv::{self, Decoration, Op, Word},
+    spirv::{self, Capability, Decoration, Op, Word},
 };
 use std::collections::HashSet;
 
@@ -94,6 +94,11 @@ fn without_debug_information(words: &[u32]) -> Outcome<Vec<u32>> {
             Some(Op::ExtInstImport) if text(&instruction[2..]).starts_with("NonSemantic.") => {
                 non_semantic.push(instruction[1]);
                 true
+            }
+            Some(Op::Capability)
+                if instruction.get(1) == Some(&(Capability::UntypedPointersKHR as u32)) =>
+            {
+                return Err("untyped pointers (SPV_KHR_untyped_pointers)".into());
             }
             Some(Op::Extension) => text(&instruction[1..]) == "SPV_KHR_non_semantic_info",
             Some(Op::ExtInst) => instruction.get(3).is_some_and(|set| non_semantic.contains(set)),

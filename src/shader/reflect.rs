@@ -1,14 +1,15 @@
 //! What a shader binds, reads and writes, read from its SPIR-V.
 
 use super::{
-    Dimension, ImageShape, Reflection, Resource, ResourceKind, Scalar, Stage,
+    Reflection, Stage,
     interface::{self, Variable},
     module::{Index, Outcome, ids},
+    resource,
     usage::Usage,
 };
 use rspirv::{
     dr::{self, Instruction, Operand},
-    spirv::{BuiltIn, Decoration, Dim, ExecutionMode, Op, StorageClass, Word},
+    spirv::{BuiltIn, Decoration, ExecutionMode, Op, StorageClass},
 };
 
 /// Reflects the entry point `main` of `stage`.
@@ -23,15 +24,12 @@ pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<Reflection> 
             add_varyings(&index, variable, class, &mut reflection)?;
         }
     }
-    for (variable, resource) in resources(&index, &usage)? {
-        match resource {
-            Some(resource) => reflection.resources.push(resource),
-            None => {
-                let (_, block) = index.pointer(index.type_of(variable)?)?;
-                reflection.push_constant_bytes = bytes(&index, block)?;
-            }
-        }
+    let bound = resource::bound(&index, &usage)?;
+    if let Some(variable) = bound.push_constants {
+        let (_, block) = index.pointer(index.type_of(variable)?)?;
+        reflection.push_constant_bytes = resource::bytes(&index, block)?;
     }
+    reflection.resources = bound.resources;
     reflection.inputs.sort_by_key(|v| (v.location, v.component));
     reflection.outputs.sort_by_key(|v| (v.location, v.component));
     reflection.specialization = specialization(&index, &usage);
@@ -64,164 +62,6 @@ fn add_varyings(
         Variable::BuiltIn(_) | Variable::BuiltInBlock(_) => {}
     }
     Ok(())
-}
-
-/// Variables of resources that are used, in the order in which kernels number them: by set and
-/// binding, then as declared; the push-constant block comes last and has no [`Resource`].
-pub(super) fn resources(index: &Index, usage: &Usage) -> Outcome<Vec<(Word, Option<Resource>)>> {
-    let mut found: Vec<(Word, Option<Resource>)> = Vec::new();
-    for variable in usage.variables(index) {
-        let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
-            continue;
-        };
-        let (class, ty) = index.pointer(pointer)?;
-        match class {
-            StorageClass::PushConstant => found.push((id, None)),
-            StorageClass::UniformConstant | StorageClass::Uniform | StorageClass::StorageBuffer => {
-                found.push((id, Some(resource(index, id, class, ty)?)));
-            }
-            _ => {}
-        }
-    }
-    found.sort_by_key(|(_, r)| r.map_or((1, 0, 0), |r| (0, r.set, r.binding)));
-    for pair in found.windows(2) {
-        match (pair[0].1, pair[1].1) {
-            (None, None) => return Err("two push-constant blocks".into()),
-            // Several variables may share a binding, each seeing the resource in its own way.
-            (Some(a), Some(b)) if (a.set, a.binding) == (b.set, b.binding) && a.kind != b.kind => {
-                let (set, binding) = (a.set, a.binding);
-                return Err(format!(
-                    "set {set} binding {binding} is declared as two kinds of resource"
-                ));
-            }
-            _ => {}
-        }
-    }
-    Ok(found)
-}
-
-/// The resource that a variable declares.
-pub(super) fn resource(
-    index: &Index,
-    id: Word,
-    class: StorageClass,
-    ty: Word,
-) -> Outcome<Resource> {
-    let at = |decoration, what| {
-        index.literal(id, decoration).ok_or_else(|| format!("a resource without a {what}"))
-    };
-    let set = at(Decoration::DescriptorSet, "descriptor set")?;
-    let binding = at(Decoration::Binding, "binding")?;
-    let (mut element, mut count) = (ty, 1u32);
-    loop {
-        let length = match index.op(element)? {
-            Op::TypeArray => interface::length(index, index.id_operand(element, 1)?, &[])?,
-            Op::TypeRuntimeArray => 0,
-            _ => break,
-        };
-        count = count.checked_mul(length).ok_or("an array of more than 2^32 resources")?;
-        element = index.id_operand(element, 0)?;
-    }
-    let op = index.op(element)?;
-    let kind = match (class, op) {
-        (StorageClass::UniformConstant, Op::TypeSampledImage) => ResourceKind::Sampled,
-        (StorageClass::UniformConstant, Op::TypeSampler) => ResourceKind::Sampler,
-        // Operand 5 of OpTypeImage: 1 goes with a sampler, 2 is read and written.
-        (StorageClass::UniformConstant, Op::TypeImage) => match index.number(element, 5)? {
-            2 if index.def(element)?.operands[1] != Operand::Dim(Dim::DimSubpassData) => {
-                ResourceKind::StorageImage
-            }
-            _ => ResourceKind::Texture,
-        },
-        (StorageClass::Uniform, Op::TypeStruct) if !index.has(element, Decoration::BufferBlock) => {
-            ResourceKind::Uniform
-        }
-        (StorageClass::Uniform | StorageClass::StorageBuffer, Op::TypeStruct) => {
-            ResourceKind::Storage
-        }
-        (_, op) => return Err(format!("a resource of Op{op:?}")),
-    };
-    let bytes = if op == Op::TypeStruct { bytes(index, element)? } else { 0 };
-    let image = match op {
-        Op::TypeSampledImage => Some(shape(index, index.id_operand(element, 0)?)?),
-        Op::TypeImage => Some(shape(index, element)?),
-        _ => None,
-    };
-    Ok(Resource { set, binding, kind, count, bytes, image })
-}
-
-fn shape(index: &Index, image: Word) -> Outcome<ImageShape> {
-    let texel = index.id_operand(image, 0)?;
-    let texel = match index.op(texel)? {
-        Op::TypeInt if index.number(texel, 1)? == 1 => Scalar::Int,
-        Op::TypeInt => Scalar::Uint,
-        _ => Scalar::Float,
-    };
-    let dimension = match index.def(image)?.operands.get(1) {
-        Some(Operand::Dim(Dim::Dim1D)) => Dimension::D1,
-        Some(Operand::Dim(Dim::Dim2D)) => Dimension::D2,
-        Some(Operand::Dim(Dim::Dim3D)) => Dimension::D3,
-        Some(Operand::Dim(Dim::DimCube)) => Dimension::Cube,
-        _ => Dimension::Other,
-    };
-    Ok(ImageShape {
-        dimension,
-        shadow: index.number(image, 2)? == 1,
-        arrayed: index.number(image, 3)? == 1,
-        multisampled: index.number(image, 4)? == 1,
-        texel,
-    })
-}
-
-/// Bytes of a block: where the member that reaches furthest ends. A run-time array counts as one
-/// element.
-pub(super) fn bytes(index: &Index, ty: Word) -> Outcome<u32> {
-    let mut end = 0u32;
-    for (n, member) in ids(index.def(ty)?).enumerate() {
-        let at = |decoration| index.member_literal(ty, n as u32, decoration);
-        let offset = at(Decoration::Offset).ok_or("a block without offsets")?;
-        let stride = at(Decoration::MatrixStride).unwrap_or(0);
-        let row_major = index.member_has(ty, n as u32, Decoration::RowMajor);
-        let size = size(index, member, stride, row_major)?;
-        end = end.max(offset.checked_add(size).ok_or("a block of more than 2^32 bytes")?);
-    }
-    Ok(end)
-}
-
-/// Bytes of a value inside a block.
-fn size(index: &Index, ty: Word, matrix_stride: u32, row_major: bool) -> Outcome<u32> {
-    let too_large = || "a block of more than 2^32 bytes".to_string();
-    let times = |count: u32, stride: u32| count.checked_mul(stride).ok_or_else(too_large);
-    match index.op(ty)? {
-        Op::TypeInt | Op::TypeFloat => Ok(index.number(ty, 0)? / 8),
-        Op::TypePointer => Ok(8),
-        Op::TypeVector => {
-            let component = index.id_operand(ty, 0)?;
-            times(index.number(ty, 1)?, size(index, component, 0, false)?)
-        }
-        Op::TypeMatrix => {
-            let column = index.id_operand(ty, 0)?;
-            let (columns, rows) = (index.number(ty, 1)?, index.number(column, 1)?);
-            let component = size(index, index.id_operand(column, 0)?, 0, false)?;
-            let (lines, length) = if row_major { (rows, columns) } else { (columns, rows) };
-            let before = times(lines.saturating_sub(1), matrix_stride)?;
-            before.checked_add(times(length, component)?).ok_or_else(too_large)
-        }
-        Op::TypeArray | Op::TypeRuntimeArray => {
-            let element = index.id_operand(ty, 0)?;
-            let count = match index.op(ty)? {
-                Op::TypeArray => interface::length(index, index.id_operand(ty, 1)?, &[])?,
-                _ => 1,
-            };
-            let stride =
-                index.literal(ty, Decoration::ArrayStride).ok_or("an array without stride")?;
-            let last = size(index, element, matrix_stride, row_major)?;
-            let before = times(count.saturating_sub(1), stride)?;
-            before.checked_add(last).ok_or_else(too_large)
-        }
-        Op::TypeStruct => bytes(index, ty),
-        other => Err(format!("a block member of Op{other:?}")),
-    }
 }
 
 fn specialization(index: &Index, usage: &Usage) -> Vec<u32> {

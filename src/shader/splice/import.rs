@@ -14,10 +14,10 @@ use super::{
     resources::{self, Element},
 };
 use crate::shader::{
-    Shader,
+    ResourceKind, Shader,
     interface::{self, Variable},
     module::{Index, Outcome, ids},
-    reflect,
+    resource,
     usage::Usage,
 };
 use rspirv::{
@@ -75,8 +75,8 @@ struct Importer<'a, 'm> {
     map: Vec<Word>,
     /// Old ids that were not merged into the kernel's, so that decorations come along.
     own: Vec<bool>,
-    /// Each resource's place in the shader's list.
-    numbers: HashMap<Word, u32>,
+    /// Number and kind of each resource; the push-constant block has no kind.
+    bound: HashMap<Word, (u32, Option<ResourceKind>)>,
     imported: Imported,
 }
 
@@ -99,12 +99,11 @@ pub(super) fn import(
         attachments: HashSet::new(),
     };
     let (map, own) = (vec![0; size], vec![false; size]);
-    let numbers = (reflect::resources(index, usage)?.iter())
-        .enumerate()
-        .map(|(n, &(variable, _))| (variable, n as u32))
-        .collect();
+    let bound = resource::bound(index, usage)?;
+    let kind = |number: u32| bound.resources.get(number as usize).map(|r| r.kind);
+    let bound = bound.variables.iter().map(|&(v, number)| (v, (number, kind(number)))).collect();
     let mut importer =
-        Importer { linker, hooks, shader, options, index, usage, map, own, numbers, imported };
+        Importer { linker, hooks, shader, options, index, usage, map, own, bound, imported };
     importer.preamble()?;
     importer.globals()?;
     importer.functions()?;
@@ -255,8 +254,8 @@ impl Importer<'_, '_> {
             | StorageClass::Uniform
             | StorageClass::StorageBuffer
             | StorageClass::PushConstant => {
-                let number = self.numbers[&old];
-                let element = resources::element(self.index, old, class, old_ty, number)?;
+                let (number, kind) = self.bound[&old];
+                let element = resources::element(self.index, class, old_ty, number, kind)?;
                 let element = element.map_ids(|word| self.id(word));
                 let new = element.declare(self.linker);
                 self.map[old as usize] = new;
@@ -285,15 +284,13 @@ impl Importer<'_, '_> {
         let kind = match interface::variable(self.index, instruction, self.options.specialization)?
         {
             Variable::BuiltIn(built_in) => {
-                let source = builtins::source(self.shader.stage, output, built_in)?;
-                if let Source::Kernel(name) = source {
-                    let kernel = self.hooks.variable(self.linker, name);
-                    let (variable, kernel_ty) =
-                        kernel.ok_or_else(|| builtins::refusal(output, built_in))?;
-                    if kernel_ty == ty {
-                        self.map[old as usize] = variable;
-                        return Ok(());
-                    }
+                let source = self.source(output, built_in)?;
+                if let Source::Kernel(name) = source
+                    && let Some((variable, kernel_ty)) = self.hooks.variable(self.linker, name)
+                    && kernel_ty == ty
+                {
+                    self.map[old as usize] = variable;
+                    return Ok(());
                 }
                 PortKind::BuiltIn(built_in, source)
             }
@@ -303,7 +300,7 @@ impl Importer<'_, '_> {
                     let n = n as u32;
                     if self.usage.uses_member(self.index, old, n) {
                         let member = self.index.id_operand(old_ty, n as usize)?;
-                        let source = builtins::source(self.shader.stage, output, built_in)?;
+                        let source = self.source(output, built_in)?;
                         used.push((n, self.id(member), built_in, source));
                     }
                 }
@@ -322,6 +319,19 @@ impl Importer<'_, '_> {
         self.own[old as usize] = true;
         self.imported.ports.push(Port { variable, ty, output, kind });
         Ok(())
+    }
+
+    /// Where a built-in comes from, which this kernel must have.
+    fn source(&self, output: bool, built_in: BuiltIn) -> Outcome<Source> {
+        let source = builtins::source(self.shader.stage, output, built_in)?;
+        match source {
+            Source::Kernel(name) | Source::KernelAtStart(name)
+                if self.hooks.variable(self.linker, name).is_none() =>
+            {
+                Err(builtins::refusal(output, built_in))
+            }
+            _ => Ok(source),
+        }
     }
 
     fn functions(&mut self) -> Outcome<()> {

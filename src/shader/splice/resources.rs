@@ -12,7 +12,6 @@ use super::linker::{Code, Linker, id};
 use crate::shader::{
     ResourceKind,
     module::{Index, Outcome},
-    reflect,
 };
 use rspirv::{
     dr::{Block, Function, Instruction, Operand},
@@ -38,19 +37,15 @@ pub(super) struct Element {
     read_only: bool,
 }
 
-/// What the user's variable becomes, with the user's ids.
+/// What the user's variable becomes, with the user's ids. `kind` is what lies at its place, `None` for
+/// the push-constant block.
 pub(super) fn element(
     index: &Index,
-    variable: Word,
     class: StorageClass,
     ty: Word,
     number: u32,
+    kind: Option<ResourceKind>,
 ) -> Outcome<Element> {
-    if class == StorageClass::PushConstant {
-        let (class, read_only) = (StorageClass::StorageBuffer, true);
-        return Ok(Element { number, binding: 4, class, ty, lengths: Vec::new(), read_only });
-    }
-    let kind = reflect::resource(index, variable, class, ty)?.kind;
     let (mut lengths, mut element) = (Vec::new(), ty);
     loop {
         match index.op(element)? {
@@ -71,14 +66,14 @@ pub(super) fn element(
         return Err("buffers as images (samplerBuffer, imageBuffer)".into());
     }
     let binding = match kind {
-        ResourceKind::Sampled => 0,
-        ResourceKind::Texture => 1,
-        ResourceKind::Sampler => 2,
-        ResourceKind::StorageImage => 3,
-        ResourceKind::Uniform | ResourceKind::Storage => 4,
+        Some(ResourceKind::Sampled) => 0,
+        Some(ResourceKind::Texture) => 1,
+        Some(ResourceKind::Sampler) => 2,
+        Some(ResourceKind::StorageImage) => 3,
+        Some(ResourceKind::Uniform | ResourceKind::Storage) | None => 4,
     };
     let class = if binding == 4 { StorageClass::StorageBuffer } else { class };
-    let read_only = kind == ResourceKind::Uniform;
+    let read_only = matches!(kind, Some(ResourceKind::Uniform) | None);
     Ok(Element { number, binding, class, ty: element, lengths, read_only })
 }
 

@@ -1,0 +1,199 @@
+//! Resources: blocks, images and samplers that a shader binds.
+//!
+//! One `(set, binding)` is one resource. Several variables may share it, each seeing it in its own
+//! way; an image and a sampler that do are the two halves of a combined image sampler, which is what
+//! HLSL compilers make of a texture with its sampler.
+
+use super::{
+    Dimension, ImageShape, Resource, ResourceKind, Scalar, interface,
+    module::{Index, Outcome, ids},
+    usage::Usage,
+};
+use rspirv::{
+    dr::Operand,
+    spirv::{Decoration, Dim, Op, StorageClass, Word},
+};
+
+/// What a shader binds.
+#[derive(Default)]
+pub(super) struct Bound {
+    /// By set and binding, each place once: the order in which kernels number them.
+    pub resources: Vec<Resource>,
+    /// Variables with their number; the push-constant block's is the one after the last resource.
+    pub variables: Vec<(Word, u32)>,
+    /// The push-constant block's variable.
+    pub push_constants: Option<Word>,
+}
+
+/// The resources that the entry point uses.
+pub(super) fn bound(index: &Index, usage: &Usage) -> Outcome<Bound> {
+    let mut found: Vec<(Word, Resource)> = Vec::new();
+    let mut bound = Bound::default();
+    for variable in usage.variables(index) {
+        let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
+            continue;
+        };
+        let (class, ty) = index.pointer(pointer)?;
+        match class {
+            StorageClass::PushConstant if bound.push_constants.is_some() => {
+                return Err("two push-constant blocks".into());
+            }
+            StorageClass::PushConstant => bound.push_constants = Some(id),
+            StorageClass::UniformConstant | StorageClass::Uniform | StorageClass::StorageBuffer => {
+                found.push((id, resource(index, id, class, ty)?));
+            }
+            _ => {}
+        }
+    }
+    found.sort_by_key(|(_, r)| (r.set, r.binding));
+    for (variable, resource) in found {
+        match bound.resources.last_mut() {
+            Some(last) if (last.set, last.binding) == (resource.set, resource.binding) => {
+                merge(last, &resource)?;
+            }
+            _ => bound.resources.push(resource),
+        }
+        bound.variables.push((variable, bound.resources.len() as u32 - 1));
+    }
+    let last = bound.resources.len() as u32;
+    bound.variables.extend(bound.push_constants.map(|variable| (variable, last)));
+    Ok(bound)
+}
+
+/// Joins what another variable says of the same place.
+fn merge(known: &mut Resource, other: &Resource) -> Outcome<()> {
+    use ResourceKind::{Sampled, Sampler, Texture};
+    if known.kind != other.kind {
+        let halves = |r: &Resource| matches!(r.kind, Sampled | Sampler | Texture);
+        if !halves(known) || !halves(other) {
+            let (set, binding) = (known.set, known.binding);
+            return Err(format!(
+                "set {set} binding {binding} is declared as two kinds of resource"
+            ));
+        }
+        known.kind = Sampled;
+    }
+    known.count = if known.count == 0 { 0 } else { known.count.max(other.count) };
+    known.bytes = known.bytes.max(other.bytes);
+    known.image = known.image.or(other.image);
+    Ok(())
+}
+
+/// The resource that a variable declares.
+fn resource(index: &Index, id: Word, class: StorageClass, ty: Word) -> Outcome<Resource> {
+    let at = |decoration, what| {
+        index.literal(id, decoration).ok_or_else(|| format!("a resource without a {what}"))
+    };
+    let set = at(Decoration::DescriptorSet, "descriptor set")?;
+    let binding = at(Decoration::Binding, "binding")?;
+    let (mut element, mut count) = (ty, 1u32);
+    loop {
+        let length = match index.op(element)? {
+            Op::TypeArray => interface::length(index, index.id_operand(element, 1)?, &[])?,
+            Op::TypeRuntimeArray => 0,
+            _ => break,
+        };
+        count = count.checked_mul(length).ok_or("an array of more than 2^32 resources")?;
+        element = index.id_operand(element, 0)?;
+    }
+    let op = index.op(element)?;
+    let kind = match (class, op) {
+        (StorageClass::UniformConstant, Op::TypeSampledImage) => ResourceKind::Sampled,
+        (StorageClass::UniformConstant, Op::TypeSampler) => ResourceKind::Sampler,
+        // Operand 5 of OpTypeImage: 1 goes with a sampler, 2 is read and written.
+        (StorageClass::UniformConstant, Op::TypeImage) => match index.number(element, 5)? {
+            2 if index.def(element)?.operands[1] != Operand::Dim(Dim::DimSubpassData) => {
+                ResourceKind::StorageImage
+            }
+            _ => ResourceKind::Texture,
+        },
+        (StorageClass::Uniform, Op::TypeStruct) if !index.has(element, Decoration::BufferBlock) => {
+            ResourceKind::Uniform
+        }
+        (StorageClass::Uniform | StorageClass::StorageBuffer, Op::TypeStruct) => {
+            ResourceKind::Storage
+        }
+        (_, op) => return Err(format!("a resource of Op{op:?}")),
+    };
+    let bytes = if op == Op::TypeStruct { bytes(index, element)? } else { 0 };
+    let image = match op {
+        Op::TypeSampledImage => Some(shape(index, index.id_operand(element, 0)?)?),
+        Op::TypeImage => Some(shape(index, element)?),
+        _ => None,
+    };
+    Ok(Resource { set, binding, kind, count, bytes, image })
+}
+
+fn shape(index: &Index, image: Word) -> Outcome<ImageShape> {
+    let texel = index.id_operand(image, 0)?;
+    let texel = match index.op(texel)? {
+        Op::TypeInt if index.number(texel, 1)? == 1 => Scalar::Int,
+        Op::TypeInt => Scalar::Uint,
+        _ => Scalar::Float,
+    };
+    let dimension = match index.def(image)?.operands.get(1) {
+        Some(Operand::Dim(Dim::Dim1D)) => Dimension::D1,
+        Some(Operand::Dim(Dim::Dim2D)) => Dimension::D2,
+        Some(Operand::Dim(Dim::Dim3D)) => Dimension::D3,
+        Some(Operand::Dim(Dim::DimCube)) => Dimension::Cube,
+        _ => Dimension::Other,
+    };
+    Ok(ImageShape {
+        dimension,
+        shadow: index.number(image, 2)? == 1,
+        arrayed: index.number(image, 3)? == 1,
+        multisampled: index.number(image, 4)? == 1,
+        texel,
+    })
+}
+
+/// Bytes of a block: where the member that reaches furthest ends. A run-time array counts as one
+/// element.
+pub(super) fn bytes(index: &Index, ty: Word) -> Outcome<u32> {
+    let mut end = 0u32;
+    for (n, member) in ids(index.def(ty)?).enumerate() {
+        let at = |decoration| index.member_literal(ty, n as u32, decoration);
+        let offset = at(Decoration::Offset).ok_or("a block without offsets")?;
+        let stride = at(Decoration::MatrixStride).unwrap_or(0);
+        let row_major = index.member_has(ty, n as u32, Decoration::RowMajor);
+        let size = size(index, member, stride, row_major)?;
+        end = end.max(offset.checked_add(size).ok_or("a block of more than 2^32 bytes")?);
+    }
+    Ok(end)
+}
+
+/// Bytes of a value inside a block.
+fn size(index: &Index, ty: Word, matrix_stride: u32, row_major: bool) -> Outcome<u32> {
+    let too_large = || "a block of more than 2^32 bytes".to_string();
+    let times = |count: u32, stride: u32| count.checked_mul(stride).ok_or_else(too_large);
+    match index.op(ty)? {
+        Op::TypeInt | Op::TypeFloat => Ok(index.number(ty, 0)? / 8),
+        Op::TypePointer => Ok(8),
+        Op::TypeVector => {
+            let component = index.id_operand(ty, 0)?;
+            times(index.number(ty, 1)?, size(index, component, 0, false)?)
+        }
+        Op::TypeMatrix => {
+            let column = index.id_operand(ty, 0)?;
+            let (columns, rows) = (index.number(ty, 1)?, index.number(column, 1)?);
+            let component = size(index, index.id_operand(column, 0)?, 0, false)?;
+            let (lines, length) = if row_major { (rows, columns) } else { (columns, rows) };
+            let before = times(lines.saturating_sub(1), matrix_stride)?;
+            before.checked_add(times(length, component)?).ok_or_else(too_large)
+        }
+        Op::TypeArray | Op::TypeRuntimeArray => {
+            let element = index.id_operand(ty, 0)?;
+            let count = match index.op(ty)? {
+                Op::TypeArray => interface::length(index, index.id_operand(ty, 1)?, &[])?,
+                _ => 1,
+            };
+            let stride =
+                index.literal(ty, Decoration::ArrayStride).ok_or("an array without stride")?;
+            let last = size(index, element, matrix_stride, row_major)?;
+            let before = times(count.saturating_sub(1), stride)?;
+            before.checked_add(last).ok_or_else(too_large)
+        }
+        Op::TypeStruct => bytes(index, ty),
+        other => Err(format!("a block member of Op{other:?}")),
+    }
+}
