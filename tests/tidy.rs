@@ -110,10 +110,12 @@ fn holding<'a>(
     let mut faults = Vec::new();
     for (number, line) in lines {
         for word in words {
-            let whole = line.match_indices(word).any(|(at, _)| {
-                !line[..at].ends_with(is_word)
-                    && !(word.ends_with(is_word) && line[at + word.len()..].starts_with(is_word))
-            });
+            let inside_a_word = |at: usize| {
+                let end = at + word.len();
+                line[..at].ends_with(is_word)
+                    || word.ends_with(is_word) && line[end..].starts_with(is_word)
+            };
+            let whole = line.match_indices(word).any(|(at, _)| !inside_a_word(at));
             if whole {
                 faults.push(format!("{path}:{number}: {}", line.trim()));
             }
@@ -219,6 +221,17 @@ fn steps_declare_no_buffers() {
         faults.extend(holding(file.code(), &file.path, &["buffer", "uniform", "binding"]));
     }
     report("glsl/lib is arithmetic; kernels declare the buffers:", &faults);
+}
+
+#[test]
+fn a_file_opens_with_what_it_is() {
+    let mut faults = Vec::new();
+    for file in files().iter().filter(|file| file.path.ends_with(".rs")) {
+        if !file.text.starts_with("//!") {
+            faults.push(file.path.clone());
+        }
+    }
+    report("a file that says nothing of itself is a scratch pad:", &faults);
 }
 
 #[test]

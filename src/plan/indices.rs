@@ -7,10 +7,15 @@ use std::{
     sync::{Arc, Weak},
 };
 
+/// A run of elements: the buffer's identity, its offset, the first and last element, the width.
+type Run = (usize, usize, u32, u32, IndexFormat);
+/// Smallest and largest index of a run, as long as the buffer lives: its identity may come again.
+type Known = (Weak<crate::pass::Buffer>, (u32, u32));
+
 /// Smallest and largest index of runs of index buffers, each looked up once.
 #[derive(Debug, Default)]
 pub struct IndexRanges {
-    known: HashMap<(usize, usize, u32, u32, IndexFormat), (Weak<crate::pass::Buffer>, (u32, u32))>,
+    known: HashMap<Run, Known>,
 }
 
 /// Index `at` of `indices`.
