@@ -22,7 +22,10 @@ use glam::{Mat3, Mat4, Vec4};
 use std::{
     collections::HashMap,
     ops::Range,
-    sync::{Arc, Mutex},
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicU64, Ordering},
+    },
 };
 
 /// A vertex attribute in the scene's buffers.
@@ -99,6 +102,12 @@ pub(super) struct Item {
     pub instances: Option<(Slice, u32)>,
 }
 
+/// A file with thousands of faults is told of the first.
+const MAX_WARNINGS: usize = 50;
+
+/// Textures together may have this many bytes; small files can ask for any amount.
+const MAX_TEXTURE_BYTES: u64 = 8 << 30;
+
 /// Makes a texture when its turn comes; several run at once.
 type TextureJob = Box<dyn FnOnce() -> std::result::Result<Texture, String> + Send>;
 
@@ -126,11 +135,13 @@ impl Builder {
         self.textures.len() - 1
     }
 
-    /// Notes something that was left out or replaced.
+    /// Notes something that was left out or replaced, once.
     pub fn warn(&mut self, text: impl Into<String>) {
         let text = text.into();
-        if !self.warnings.contains(&text) {
-            self.warnings.push(text);
+        match self.warnings.len() {
+            ..MAX_WARNINGS if !self.warnings.contains(&text) => self.warnings.push(text),
+            MAX_WARNINGS => self.warnings.push("there is more that is left out".into()),
+            _ => {}
         }
     }
 
@@ -294,12 +305,18 @@ impl Builder {
         let jobs = Mutex::new(jobs);
         let done = Mutex::new(Vec::with_capacity(count));
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get()).min(count);
+        let used = AtomicU64::new(0);
         let work = || {
             loop {
                 let Some((i, job)) = jobs.lock().ok().and_then(|mut jobs| jobs.pop()) else {
                     return;
                 };
-                let texture = job();
+                let texture = match used.load(Ordering::Relaxed) {
+                    ..MAX_TEXTURE_BYTES => job(),
+                    _ => Err(format!("the textures exceed {} GiB", MAX_TEXTURE_BYTES >> 30)),
+                };
+                let bytes = |t: &Texture| t.levels.iter().map(|l| l.len() as u64).sum();
+                used.fetch_add(texture.as_ref().map_or(0, bytes), Ordering::Relaxed);
                 if let Ok(mut done) = done.lock() {
                     done.push((i, texture));
                 }

@@ -122,7 +122,7 @@ impl Camera {
         let size = bounds.radius().max(1e-6);
         match &mut self.projection {
             Projection::Perspective { near, far, .. } => {
-                *near = (nearest * 0.99).max(size * 1e-3);
+                *near = (nearest * 0.99).max(size * 5e-3);
                 *far = Some((farthest * 1.01).max(*near * 2.0));
             }
             Projection::Orthographic { near, far, .. } => {

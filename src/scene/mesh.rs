@@ -142,6 +142,17 @@ impl Mesh {
         if self.normals.is_empty() || self.uvs[uv_set].is_empty() {
             return;
         }
+        // MikkTSpace walks the faces around a vertex by recursion: a hub of a whole mesh would end the
+        // process. No surface with a normal map has one.
+        let mut faces_at = vec![0u32; self.positions.len()];
+        let places = self.places();
+        for corner in self.triangles().as_flattened() {
+            faces_at[places[*corner as usize] as usize] += 1;
+        }
+        if faces_at.into_iter().max().unwrap_or(0) > MAX_FACES_AT_A_VERTEX {
+            self.tangents = self.normals.iter().map(|n| any_tangent(*n)).collect();
+            return;
+        }
         self.unshare();
         let mut corners = Corners {
             tangents: vec![Vec4::new(1.0, 0.0, 0.0, 1.0); self.positions.len()],
@@ -191,6 +202,14 @@ impl Mesh {
         }
         bits
     }
+}
+
+/// See [`Mesh::make_tangents`].
+const MAX_FACES_AT_A_VERTEX: u32 = 2000;
+
+/// Some tangent for a normal.
+fn any_tangent(normal: Vec3) -> Vec4 {
+    normal.try_normalize().map_or(Vec4::X, |n| n.any_orthonormal_vector().extend(1.0))
 }
 
 /// An unshared triangle list as MikkTSpace wants to see it.
@@ -273,6 +292,24 @@ mod tests {
             // glTF: bitangent = cross(normal, tangent) * w points where v decreases (up).
             assert!(t.abs_diff_eq(Vec4::new(1.0, 0.0, 0.0, 1.0), 1e-6), "{t}");
         }
+    }
+
+    #[test]
+    fn a_hub_of_many_faces_does_not_overflow_the_stack() {
+        let count = 300_000;
+        let rim = |i: u32| {
+            let a = i as f32 / count as f32 * std::f32::consts::TAU;
+            Vec3::new(a.cos(), a.sin(), 0.0)
+        };
+        let mut fan = Mesh {
+            topology: Topology::TriangleFan,
+            positions: std::iter::once(Vec3::ZERO).chain((0..=count).map(rim)).collect(),
+            ..Mesh::default()
+        };
+        fan.normals = vec![Vec3::Z; fan.positions.len()];
+        fan.uvs[0] = fan.positions.iter().map(|p| p.truncate()).collect();
+        fan.make_tangents(0);
+        assert_eq!(fan.tangents.len(), fan.positions.len());
     }
 
     #[test]

@@ -13,7 +13,7 @@ const CHUNK_BYTES: usize = 64 << 20;
 
 /// More geometry than this is refused: beyond any device's memory for one scene, and the guard
 /// against small files that ask for gigabytes.
-const MAX_BYTES: usize = 8 << 30;
+const MAX_BYTES: usize = 4 << 30;
 
 /// Alignment of a block: the largest vertex attribute.
 const ALIGN: usize = 16;

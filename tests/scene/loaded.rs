@@ -89,7 +89,7 @@ fn uri(bytes: &[u8]) -> String {
 }
 
 /// A triangle in the plane z = 0 with `node` as its node's properties, and more of the document.
-fn triangle(node: &str, more: &str) -> String {
+pub fn triangle(node: &str, more: &str) -> String {
     let (uri, length) = floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0.]);
     format!(
         r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0{node}}}],

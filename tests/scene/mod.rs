@@ -1,5 +1,6 @@
 //! Do scenes load right, and does everything else end with a sentence?
 
+mod damaged;
 mod files;
 mod loaded;
 mod valid;

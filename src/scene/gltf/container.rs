@@ -31,7 +31,7 @@ fn only_changes_the_look(extension: &str) -> bool {
 
 impl<'a> Container<'a> {
     /// Takes `bytes` apart and checks version and extensions.
-    pub fn parse(bytes: &'a [u8], warnings: &mut Vec<String>) -> Checks<Self> {
+    pub fn parse(bytes: &'a [u8], mut warn: impl FnMut(String)) -> Checks<Self> {
         let (json, binary) = match bytes.starts_with(GLB_MAGIC) {
             true => split_glb(bytes)?,
             false => (bytes, None),
@@ -57,7 +57,7 @@ impl<'a> Container<'a> {
         }
         for extension in &root.extensions_used {
             if !DRAWN.contains(&extension.as_str()) {
-                warnings.push(format!("the extension {extension} is ignored"));
+                warn(format!("the extension {extension} is ignored"));
             }
         }
         Ok(Self { root, binary })
@@ -150,16 +150,16 @@ mod tests {
     const MINIMAL: &[u8] = br#"{"asset":{"version":"2.0"}}"#;
 
     fn fault(bytes: &[u8]) -> String {
-        Container::parse(bytes, &mut Vec::new()).err().expect("must be refused")
+        Container::parse(bytes, drop).err().expect("must be refused")
     }
 
     #[test]
     fn a_glb_is_its_chunks() {
         let bytes = glb(&[(b"JSON", MINIMAL), (b"ODD\0", b"?"), (b"BIN\0", b"abcd")]);
-        let container = Container::parse(&bytes, &mut Vec::new()).unwrap();
+        let container = Container::parse(&bytes, drop).unwrap();
         assert_eq!(container.binary, Some(&b"abcd"[..]));
         for cut in 0..bytes.len() {
-            assert!(Container::parse(&bytes[..cut], &mut Vec::new()).is_err(), "cut at {cut}");
+            assert!(Container::parse(&bytes[..cut], drop).is_err(), "cut at {cut}");
         }
         assert!(fault(&glb(&[(b"BIN\0", b"abcd")])).contains("no JSON chunk"));
     }
@@ -169,7 +169,7 @@ mod tests {
         let odd = br#"{"asset":{"version":"2.0"},"scenes":[{}],"animations":[{"samplers":[],
             "channels":[{"sampler":0,"target":{"path":"pointer"}}]}],
             "extensions":{"KHR_lights_punctual":{}}}"#;
-        let root = Container::parse(odd, &mut Vec::new()).unwrap().root;
+        let root = Container::parse(odd, drop).unwrap().root;
         assert!(root.scenes[0].nodes.is_empty() && root.animations[0].channels.is_empty());
         let wrong = br#"{"asset":{"version":"2.0"},"scenes":[{}],"meshes":[{}]}"#;
         assert!(fault(wrong).contains("line"), "the fault is that of the file as it stands");
@@ -183,7 +183,7 @@ mod tests {
         assert!(fault(required).contains("KHR_draco_mesh_compression"));
         let mut warnings = Vec::new();
         let used = br#"{"asset":{"version":"2.0"},"extensionsUsed":["KHR_texture_basisu"]}"#;
-        Container::parse(used, &mut warnings).unwrap();
+        Container::parse(used, |w| warnings.push(w)).unwrap();
         assert!(warnings[0].contains("KHR_texture_basisu"));
     }
 }

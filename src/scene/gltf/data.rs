@@ -21,7 +21,7 @@ use std::{borrow::Cow, collections::HashMap, path::Path};
 pub(super) type Checks<T> = Result<T, String>;
 
 /// Elements of an accessor that no buffer backs (all zero, or sparse) are limited to this.
-const MAX_UNBACKED: usize = 1 << 24;
+const MAX_UNBACKED: usize = 1 << 22;
 
 /// The document with its buffers.
 pub(super) struct Data<'a> {

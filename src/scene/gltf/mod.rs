@@ -29,7 +29,7 @@ use std::{collections::HashMap, path::Path};
 /// Loads the glTF in `bytes`, which come from `path`.
 pub(super) fn load(path: &Path, name: &str, bytes: &[u8], time: Option<f32>) -> Outcome<Scene> {
     let mut builder = Builder::default();
-    let container = container::Container::parse(bytes, &mut builder.warnings)?;
+    let container = container::Container::parse(bytes, |w| builder.warn(w))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut data = Data::new(&container.root, folder, container.binary);
     let materials = materials::add(&data, folder, &mut builder)?;

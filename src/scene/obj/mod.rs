@@ -27,7 +27,7 @@ pub(super) fn load(path: &Path, name: &str, bytes: &[u8]) -> Outcome<Scene> {
     let text = String::from_utf8_lossy(bytes);
     let obj = parse::parse(&text)?;
     let mut builder = Builder::default();
-    builder.warnings.extend(obj.warnings.iter().cloned());
+    obj.warnings.iter().for_each(|w| builder.warn(w));
     let folder = path.parent().unwrap_or(Path::new(""));
     let library = libraries(&obj, folder, &mut builder);
     let mut textures = Textures { folder, made: HashMap::new() };
@@ -42,9 +42,10 @@ pub(super) fn load(path: &Path, name: &str, bytes: &[u8]) -> Outcome<Scene> {
         builder.materials.push(material);
     }
     builder.materials.push(grey());
+    let mut steps = polygon::STEPS;
     for group in &obj.groups {
         let material = (group.material as usize).min(builder.materials.len() - 1);
-        let mut mesh = mesh(&obj, group);
+        let mut mesh = mesh(&obj, group, &mut steps);
         if let Some(set) = builder.materials[material].normal_uv_set() {
             mesh.make_tangents(set);
         }
@@ -91,7 +92,7 @@ fn grey() -> Material {
 }
 
 /// The triangles of a group, with normals.
-fn mesh(obj: &Obj, group: &Group) -> Mesh {
+fn mesh(obj: &Obj, group: &Group, steps: &mut u64) -> Mesh {
     let has_uvs = group.corners.iter().any(|c| c[1] != NONE);
     let has_normals = group.corners.iter().all(|c| c[2] != NONE);
     let mut mesh = Mesh::default();
@@ -121,7 +122,7 @@ fn mesh(obj: &Obj, group: &Group) -> Mesh {
         points.clear();
         points.extend(corners.iter().map(|c| obj.positions[c[0] as usize]));
         triangles.clear();
-        polygon::triangulate(&points, &mut triangles);
+        polygon::triangulate(&points, steps, &mut triangles);
         for &corner in triangles.as_flattened() {
             indices.push(add(corners[corner], &mut mesh));
         }

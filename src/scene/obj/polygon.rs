@@ -2,12 +2,15 @@
 
 use glam::{Vec2, Vec3};
 
-/// Polygons with more corners are cut as fans: ears cost the square of the corners.
-const MAX_EARS: usize = 512;
+/// Polygons with more corners are cut as fans: finding ears can cost the cube of the corners.
+const MAX_EARS: usize = 1024;
+
+/// Steps that all polygons of a file may take together, a few seconds; then the rest are fans.
+pub(super) const STEPS: u64 = 1 << 31;
 
 /// Cuts the polygon with these corners into triangles of corner numbers, of the same winding:
-/// a fan where it is convex, ears where it is not.
-pub(super) fn triangulate(corners: &[Vec3], out: &mut Vec<[usize; 3]>) {
+/// a fan where it is convex, ears where it is not. `steps` counts down to fans only.
+pub(super) fn triangulate(corners: &[Vec3], steps: &mut u64, out: &mut Vec<[usize; 3]>) {
     let n = corners.len();
     let fan = |out: &mut Vec<[usize; 3]>| out.extend((2..n).map(|i| [0, i - 1, i]));
     if n <= 3 || n > MAX_EARS {
@@ -31,6 +34,10 @@ pub(super) fn triangulate(corners: &[Vec3], out: &mut Vec<[usize; 3]>) {
     let mut left: Vec<usize> = (0..n).collect();
     while left.len() > 3 {
         let m = left.len();
+        if *steps == 0 {
+            out.extend((2..m).map(|i| [left[0], left[i - 1], left[i]]));
+            return;
+        }
         let is_ear = |i: usize| {
             let (a, b, c) = (left[(i + m - 1) % m], left[i], left[(i + 1) % m]);
             let inside = |&p: &usize| {
@@ -43,6 +50,7 @@ pub(super) fn triangulate(corners: &[Vec3], out: &mut Vec<[usize; 3]>) {
         };
         // Crossing outlines may have no ear; then any corner is as good.
         let i = (0..m).find(|&i| is_ear(i)).unwrap_or(0);
+        *steps = steps.saturating_sub((i as u64 + 1) * m as u64);
         out.push([left[(i + m - 1) % m], left[i], left[(i + 1) % m]]);
         left.remove(i);
     }
@@ -55,7 +63,7 @@ mod tests {
 
     fn areas(corners: &[Vec3]) -> (Vec3, f32, usize) {
         let mut out = Vec::new();
-        triangulate(corners, &mut out);
+        triangulate(corners, &mut STEPS.clone(), &mut out);
         let cross = |t: &[usize; 3]| {
             (corners[t[1]] - corners[t[0]]).cross(corners[t[2]] - corners[t[0]]) * 0.5
         };
@@ -100,5 +108,13 @@ mod tests {
         assert_eq!(areas(&line).2, 7);
         assert_eq!(areas(&[Vec3::NAN; 6]).2, 4);
         assert_eq!(areas(&[Vec3::ZERO; 2]).2, 0);
+        let star = |i: usize| {
+            let (s, c) = (i as f32 / 5.0 * std::f32::consts::PI).sin_cos();
+            Vec3::new(c, s, 0.0) * if i.is_multiple_of(2) { 2.0 } else { 0.5 }
+        };
+        let star: Vec<Vec3> = (0..10).map(star).collect();
+        let (mut out, mut steps) = (Vec::new(), 1);
+        triangulate(&star, &mut steps, &mut out);
+        assert_eq!((out.len(), steps), (8, 0), "without steps the rest is a fan");
     }
 }
