@@ -4,6 +4,7 @@ mod classic;
 mod cli;
 mod common;
 mod kernels;
+mod parity;
 mod pass;
 mod property;
 mod readme;

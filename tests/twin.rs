@@ -4,13 +4,14 @@
 use crate::common::{self, random::Random};
 use std::sync::Arc;
 use tilewright::{
-    compute,
+    compare, compute,
     format::{Format, VertexFormat},
     grid::Capacities,
     image::Extent,
     pass::{Buffer, BufferRange, Draw, IndexFormat, Indices, Pass, Pipeline, StepRate},
     pass::{VertexAttribute, VertexBinding},
     reference,
+    scene::{PassOptions, Scene},
     shader::{Shader, Stage},
     state::{Blend, Compare, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
@@ -218,5 +219,33 @@ fn a_thousand_random_meshes_on_the_driver_under_test() {
 fn a_thousand_random_meshes_on_swiftshader() {
     if let Some(gpu) = common::swiftshader("twin on SwiftShader") {
         random_meshes(&gpu, 0..1000);
+    }
+}
+
+fn built_in_scenes(gpu: &Gpu, extent: Extent) {
+    for name in Scene::builtin_names() {
+        let scene = Scene::builtin(name).expect("it is built in");
+        let camera = scene.default_camera(extent);
+        let pass = scene.pass(extent, &camera, &PassOptions::default()).expect("a valid pass");
+        // A fragment shader that discards decides coverage by itself; the reference runs none.
+        let ids = compare::id_pass(&pass).expect("an id pass");
+        let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+        let mut seen = 0;
+        if let Some(found) = difference(&mut renderer, &ids.pass, &mut seen) {
+            panic!("{}, {name}: {found}", gpu.info());
+        }
+        assert!(seen > 0, "{name} shows nothing");
+    }
+}
+
+#[test]
+fn built_in_scenes_on_the_driver_under_test() {
+    built_in_scenes(&common::gpu(), Extent::new(333, 187));
+}
+
+#[test]
+fn built_in_scenes_on_swiftshader() {
+    if let Some(gpu) = common::swiftshader("built-in scenes on SwiftShader") {
+        built_in_scenes(&gpu, Extent::new(99, 61));
     }
 }

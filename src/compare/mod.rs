@@ -10,7 +10,7 @@
 //! | [`coverage_differing`](Difference::coverage_differing) | id pass, covered or not | all |
 //! | [`winner_differing`](Difference::winner_differing) | id pass, which primitive | covered by both |
 //! | [`depth_max`](Difference::depth_max) | depth of the id pass | won by the same primitive |
-//! | [`colour_over_1`](Difference::colour_over_1), [`colour_max`](Difference::colour_max) | the pass, 8 bits | all |
+//! | [`colour_over_1`](Difference::colour_over_1), [`colour_max`](Difference::colour_max) | the pass, as sRGB in 8 bits | all |
 //!
 //! Each pixel is thus counted once among the first three, and a figure has one cause: coverage is
 //! the rasterizer, the winner is the depth test, depth is the interpolation.

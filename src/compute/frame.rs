@@ -86,8 +86,11 @@ pub struct Stage<'a> {
 }
 
 /// A pass that was recorded and can run.
+///
+/// Each band is a submission of its own, so that the time-out bounds what one submission may take
+/// whatever the size of the target.
 pub struct Prepared {
-    recording: Recording,
+    recordings: Vec<Recording>,
     extent: Extent,
     format: Format,
     color: Vec<Buffer<u32>>,
@@ -100,7 +103,13 @@ impl Prepared {
     /// # Errors
     /// [`crate::Error::Lost`] if the device does not answer in time.
     pub fn execute(&mut self) -> Result<Timings> {
-        self.recording.run()
+        let mut all = Timings::default();
+        for recording in &mut self.recordings {
+            let band = recording.run()?;
+            all.total_ns += band.total_ns;
+            all.stages.extend(band.stages);
+        }
+        Ok(all)
     }
 
     /// The targets after the last [`Prepared::execute`].
@@ -205,12 +214,12 @@ impl Setup {
 
     /// Records the whole pass.
     pub fn record(self, renderer: &Renderer, plan: &Plan) -> Result<Prepared> {
-        let mut recorder = Recorder::new(&self.gpu, "compute pass")?;
-        if renderer.timed {
-            recorder.time_stages();
-        }
-        let (mut color, mut depth) = (Vec::new(), Vec::new());
+        let (mut recordings, mut color, mut depth) = (Vec::new(), Vec::new(), Vec::new());
         for (n, band) in self.bands.iter().enumerate() {
+            let mut recorder = Recorder::new(&self.gpu, "compute pass")?;
+            if renderer.timed {
+                recorder.time_stages();
+            }
             let pieces = self.pieces(band, plan)?;
             self.clear(&mut recorder, band)?;
             for (b, batch) in plan.batches.iter().enumerate() {
@@ -221,9 +230,10 @@ impl Setup {
             let (c, d) = self.resolve(&mut recorder, band, &pieces)?;
             color.push(c);
             depth.push(d);
+            recordings.push(recorder.finish()?);
         }
         Ok(Prepared {
-            recording: recorder.finish()?,
+            recordings,
             extent: self.extent,
             format: self.format,
             color,
