@@ -42,8 +42,8 @@ ivec2 snap(const vec3 p) {
     return ivec2(round_even((p.x - 0.5) * scale), round_even((p.y - 0.5) * scale));
 }
 
-// Sets up one triangle at `at`; returns its flags, 0 if it draws nothing.
-uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
+// Sets up one triangle at `at`, of the depth `plane`; returns its flags, 0 if it draws nothing.
+uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c, const vec3 plane) {
     ivec2 sa = snap(a), sb = snap(b), sc = snap(c);
     int turn = wide_sign(wide_subtract(wide_product(sb.x - sa.x, sc.y - sa.y), wide_product(sc.x - sa.x, sb.y - sa.y)));
     bool front = (turn > 0) == (piece.front_face == 1u);
@@ -60,7 +60,6 @@ uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec
     high = min(high, piece.rect_max);
     if (low.x > high.x || low.y > high.y) return 0u;
 
-    vec3 plane = depth_plane(a, b, c);
     uint flags = TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
     uvec2 first = uvec2(low - ivec2(0, int(batch.origin_y))), last = uvec2(high - ivec2(0, int(batch.origin_y)));
     ivec3 x = ivec3(sa.x, sb.x, sc.x), y = ivec3(sa.y, sb.y, sc.y);
@@ -111,8 +110,9 @@ void main() {
     }
     uint clip = clip_outcode(a, piece.guard) | clip_outcode(b, piece.guard) | clip_outcode(c, piece.guard);
     if (clip == 0u && min(a.w, min(b.w, c.w)) > 0.0) {
-        triangles[primitive].flags =
-            set_up(primitive, piece, piece_index, slots, window(piece, a), window(piece, b), window(piece, c));
+        vec3 wa = window(piece, a), wb = window(piece, b), wc = window(piece, c);
+        vec3 plane = depth_plane(wa, wb, wc);
+        triangles[primitive].flags = set_up(primitive, piece, piece_index, slots, wa, wb, wc, plane);
         return;
     }
 
@@ -128,12 +128,13 @@ void main() {
         triangles[primitive].flags = 0u;
         return;
     }
+    vec3 plane = depth_plane_clipped(a, b, c, piece.scale, piece.offset);
     vec3 first = window(piece, corners[0]);
     vec3 previous = window(piece, corners[1]);
     for (uint part = 0u; part + 2u < count; part++) {
         vec3 next = window(piece, corners[part + 2u]);
         uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
-        uint flags = set_up(at, piece, piece_index, slots, first, previous, next);
+        uint flags = set_up(at, piece, piece_index, slots, first, previous, next, plane);
         triangles[at].flags = flags | (part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u);
         previous = next;
     }

@@ -41,12 +41,18 @@ fn primitive_parts(input: &Input, primitive: u32) -> Parts {
     if polygon.len() < 3 || polygon.iter().any(|c| flush(c[3]) <= 0.0) {
         return vec![None];
     }
+    let clipped = polygon.as_slice() != corners;
     let window: Vec<_> = polygon.iter().map(|&corner| to_window(piece, corner)).collect();
     window[1..]
         .windows(2)
         .map(|pair| {
             let piece_number = input.piece_first + at as u32;
-            set_up(input, piece, piece_number, slots, [window[0], pair[0], pair[1]])
+            let corners_of_part = [window[0], pair[0], pair[1]];
+            let plane = match clipped {
+                true => depth_plane_clipped(&corners, piece),
+                false => depth_plane(corners_of_part),
+            };
+            set_up(input, piece, piece_number, slots, corners_of_part, plane)
         })
         .collect()
 }
@@ -165,6 +171,7 @@ fn set_up(
     piece_number: u32,
     slots: [u32; 3],
     window: [[f32; 3]; 3],
+    [dzdx, dzdy, z]: [f32; 3],
 ) -> Option<Triangle> {
     let scale = (1 << abi::SUBPIXEL_BITS) as f32;
     let snap = |c: f32| ((c - 0.5) * scale).round_ties_even() as i32;
@@ -192,7 +199,6 @@ fn set_up(
     let (first_y, last_y) = pixels(y, piece.rect_min[1], piece.rect_max[1])?;
     let origin_y = input.grid.origin_y as i32;
 
-    let [dzdx, dzdy, z] = depth_plane(window);
     let mut triangle = Triangle {
         x,
         y,
@@ -226,6 +232,30 @@ fn depth_plane([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
     let [dx, dy] = [ab[2] * cas[1] - ca[2] * abs[1], ca[2] * abs[0] - ab[2] * cas[0]];
     let plane = [dx, dy, a[2] - (dx * (a[0] - 0.5) + dy * (a[1] - 0.5))];
     let usable = flush(area) != 0.0 && plane.iter().all(|p| p.abs() < 2f32.powi(64));
-    let settled = |p: f32| if p.abs() < 2f32.powi(-64) { 0.0 } else { p };
     if usable { plane.map(settled) } else { [0.0, 0.0, settled(a[2])] }
+}
+
+/// The same for a clipped primitive: the plane through its clip-space vertices as they came, by
+/// Cramer's rule for `w - z` over device coordinates.
+fn depth_plane_clipped([a, b, c]: &[Vec4; 3], piece: &Piece) -> [f32; 3] {
+    // Cofactors of the rows (x, y, w).
+    let minors = |[px, py, _, pw]: Vec4, [qx, qy, _, qw]: Vec4| {
+        [py * qw - qy * pw, qx * pw - px * qw, px * qy - qx * py]
+    };
+    let (bc, ca, ab) = (minors(*b, *c), minors(*c, *a), minors(*a, *b));
+    let volume = a[0] * bc[0] + a[1] * bc[1] + a[3] * bc[2];
+    let inverse = flush(1.0 / volume);
+    let [pa, pb, pc] = [a, b, c].map(|v| (v[3] - v[2]) * inverse);
+    let p: [f32; 3] = std::array::from_fn(|i| bc[i] * pa + ca[i] * pb + ab[i] * pc);
+    let (scale, offset) = (piece.scale, piece.offset);
+    let gradient = [flush(p[0] / scale[0]), flush(p[1] / scale[1])];
+    let z = 1.0 - (p[2] + gradient[0] * (0.5 - offset[0]) + gradient[1] * (0.5 - offset[1]));
+    let plane = [-gradient[0] * scale[2], -gradient[1] * scale[2], offset[2] + z * scale[2]];
+    let usable = flush(volume) != 0.0 && plane.iter().all(|p| p.abs() < 2f32.powi(64));
+    if usable { plane.map(settled) } else { [0.0, 0.0, offset[2]] }
+}
+
+/// What is too small to change any depth is zero.
+fn settled(p: f32) -> f32 {
+    if p.abs() < 2f32.powi(-64) { 0.0 } else { p }
 }

@@ -49,7 +49,8 @@ impl Default for GpuOptions {
             device: None,
             require: Require::Any,
             validation: false,
-            timeout: Duration::from_secs(30),
+            // A CPU driver compiles kernels at their first dispatch, on a busy machine in tens of seconds.
+            timeout: Duration::from_secs(120),
             cache: crate::cache::folder(),
             table: TableSizes::default(),
         }
