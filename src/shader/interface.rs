@@ -128,6 +128,9 @@ impl Flatten<'_, '_> {
                     Op::TypeMatrix => index.number(ty, 1)?,
                     _ => length(index, index.id_operand(ty, 1)?, self.specialization)?,
                 };
+                if count > 256 {
+                    return Err("more than 256 locations".into());
+                }
                 let mut used = 0;
                 for n in 0..count {
                     self.path.push(n);
@@ -151,7 +154,7 @@ impl Flatten<'_, '_> {
                     next += self.walk(member, next, component, own.unwrap_or(interpolation))?;
                     self.path.pop();
                 }
-                Ok(next - location)
+                Ok(next.saturating_sub(location))
             }
             other => Err(format!("an `in` or `out` variable of Op{other:?}")),
         }

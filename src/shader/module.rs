@@ -23,7 +23,7 @@ const MAX_ID: Word = 0x3f_ffff;
 /// Reads a module.
 pub(super) fn parse(words: &[u32]) -> Outcome<dr::Module> {
     let words = without_debug_information(words)?;
-    let module = dr::load_words(&words).map_err(|e| format!("not a SPIR-V module: {e}"))?;
+    let mut module = dr::load_words(&words).map_err(|e| format!("not a SPIR-V module: {e}"))?;
     for instruction in module.all_inst_iter() {
         let ids = instruction.operands.iter().filter_map(Operand::id_ref_any);
         let own = instruction.result_id.into_iter().chain(instruction.result_type);
@@ -32,6 +32,14 @@ pub(super) fn parse(words: &[u32]) -> Outcome<dr::Module> {
         }
     }
     check_order(&module)?;
+    let defined: HashSet<Word> = module.all_inst_iter().filter_map(|i| i.result_id).collect();
+    module.debug_names.retain(|i| ids(i).all(|id| defined.contains(&id)));
+    for instruction in module.all_inst_iter() {
+        let missing = ids(instruction).chain(instruction.result_type);
+        if let Some(id) = missing.into_iter().find(|id| !defined.contains(id)) {
+            return Err(format!("not a SPIR-V module: id {id} is not defined"));
+        }
+    }
     Ok(module)
 }
 
@@ -54,6 +62,10 @@ fn check_order(module: &dr::Module) -> Outcome<()> {
             && !defined.insert((id, false))
         {
             return Err(format!("not a SPIR-V module: id {id} is defined twice"));
+        }
+        let is_vector = matches!(instruction.class.opcode, Op::TypeVector | Op::TypeMatrix);
+        if is_vector && !(2..=4).contains(&number(instruction, 1)?) {
+            return Err("vectors or matrices of other than 2 to 4 components".into());
         }
     }
     for instruction in module.functions.iter().flat_map(|f| f.all_inst_iter()) {

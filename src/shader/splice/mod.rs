@@ -31,6 +31,7 @@ mod nonuniform;
 mod order;
 mod repair;
 mod resources;
+mod specialize;
 #[cfg(all(test, feature = "glsl"))]
 mod tests;
 pub(crate) mod verify;
@@ -96,6 +97,8 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
     let mut imported = import::import(&mut linker, &hooks, shader, options, &index, &usage)?;
     let mut functions = std::mem::take(&mut imported.functions);
     let indices = index_variables(&mut linker, imported.elements.len());
+    let arrays = imported.elements.iter().filter(|(_, e)| e.is_array()).map(|(v, _)| *v).collect();
+    specialize::specialize(&mut linker, &mut functions, &arrays)?;
     resources::lower(&mut linker, &mut functions, &imported.elements, &indices)?;
     if shader.stage == Stage::Fragment {
         fragment::lower(&mut linker, &hooks, &mut functions, &imported.attachments)?;

@@ -198,6 +198,11 @@ fn as_uint(code: &mut Code, value: Word) -> Outcome<Word> {
 }
 
 impl Element {
+    /// Whether the user declared an array of resources.
+    pub fn is_array(&self) -> bool {
+        !self.lengths.is_empty()
+    }
+
     /// The capability that indexing this kind of resource non-uniformly needs.
     pub fn indexing(&self) -> Capability {
         match self.binding {

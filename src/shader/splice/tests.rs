@@ -133,3 +133,40 @@ fn what_is_out_of_reach_is_refused_by_name() {
         assert!(text.contains(wanted) && text.contains(&name), "{name}: {text}");
     }
 }
+
+#[test]
+fn no_module_makes_the_splicer_panic() {
+    // A generator of our own, so that the same modules are tried everywhere.
+    let mut state = 0x9e37_79b9_7f4a_7c15u64;
+    let mut random = move |below: usize| {
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) as usize) % below
+    };
+    let rounds = std::env::var("FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
+    let (mut read, mut taken) = (0, 0);
+    for (stage, name, source) in shaders("") {
+        let shader = Shader::from_glsl(stage, &name, &source).unwrap();
+        for round in 0..rounds {
+            let mut words = shader.spirv.clone();
+            for _ in 0..1 + round % 3 {
+                let at = 5 + random(words.len() - 5);
+                words[at] = match random(4) {
+                    0 => words[5 + random(words.len() - 5)],
+                    1 => words[at].wrapping_add(1),
+                    2 => words[at] ^ (1 << random(32)),
+                    _ => random(300) as u32,
+                };
+            }
+            let Ok(broken) = Shader::from_spirv(stage, &name, &words) else { continue };
+            read += 1;
+            let derivatives = [Derivatives::Native, Derivatives::Quad][round % 2];
+            let options = SpliceOptions { derivatives, specialization: &[] };
+            if let Ok(spliced) = splice(&hosts(stage)[0], &broken, &options) {
+                let _ = verify::verify(&spliced.spirv);
+                taken += 1;
+            }
+        }
+    }
+    assert!(read > rounds && taken > rounds, "{read} modules read, {taken} spliced");
+}
