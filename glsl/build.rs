@@ -2,9 +2,14 @@
 //!
 //! Writes to `OUT_DIR`:
 //! * `kernels.rs`: a module per kernel with its SPIR-V;
+//! * `scene.rs`: the SPIR-V of the scenes' shader pair;
 //! * `layout.rs`: one assertion per field of `abi.rs` against the offsets that the compiler chose
 //!   for `abi.comp`.
 
+use glslang::{
+    Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage, SourceLanguage,
+    SpirvVersion, Target, VulkanVersion,
+};
 use rspirv::{
     binary::Assemble,
     dr::{Module, Operand},
@@ -39,7 +44,7 @@ fn main() {
     let mut kernels = String::new();
     for name in &names {
         let path = root.join(format!("{name}.comp"));
-        let mut module = compile(&path, &constants);
+        let mut module = load(&path, &compile(&path, ShaderStage::Compute, &constants));
         if name == "abi" {
             fs::write(out.join("layout.rs"), layout_checks(&module)).expect("OUT_DIR is writable");
             continue;
@@ -54,6 +59,25 @@ fn main() {
         .expect("a String takes all");
     }
     fs::write(out.join("kernels.rs"), kernels).expect("OUT_DIR is writable");
+    fs::write(out.join("scene.rs"), scene_shaders(&root.join("scene")))
+        .expect("OUT_DIR is writable");
+}
+
+/// The scenes' shaders, compiled as users' shaders are at run time: nothing is done to them, and the
+/// first picture need not wait for a compiler. What varies at compile time is a macro.
+fn scene_shaders(folder: &Path) -> String {
+    let pair = [
+        ("VERTEX", "material.vert", ShaderStage::Vertex, ""),
+        ("FRAGMENT", "material.frag", ShaderStage::Fragment, ""),
+        ("MASK_FRAGMENT", "material.frag", ShaderStage::Fragment, "#define ALPHA_MASK\n"),
+    ];
+    let mut text = String::new();
+    for (name, file, stage, defines) in pair {
+        let words = compile(&folder.join(file), stage, defines);
+        writeln!(text, "/// SPIR-V of `{file}`.\npub const {name}: &[u32] = &{words:?};")
+            .expect("a String takes all");
+    }
+    text
 }
 
 /// `#define`s for every `pub const NAME: u32` of `abi.rs`; the values come from the compiled module,
@@ -108,13 +132,12 @@ fn source(path: &Path, seen: &mut Vec<PathBuf>) -> String {
     all
 }
 
-fn compile(path: &Path, constants: &str) -> Module {
-    use glslang::{
-        Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage, SourceLanguage,
-        SpirvVersion, Target, VulkanVersion,
-    };
+/// SPIR-V of `path` with `defines` after its `#version` line.
+fn compile(path: &Path, stage: ShaderStage, defines: &str) -> Vec<u32> {
     let text = source(path, &mut Vec::new());
-    let text = text.replacen("#version 460\n", &format!("#version 460\n{constants}"), 1);
+    let version = text.find("#version ").expect("a shader has a version");
+    let after = version + text[version..].find('\n').expect("a shader is more than a version") + 1;
+    let text = format!("{}{defines}{}", &text[..after], &text[after..]);
     let options = CompilerOptions {
         source_language: SourceLanguage::GLSL,
         // Vulkan 1.2, because SPIR-V 1.6 expresses the workgroup size by ids, which rspirv rejects.
@@ -127,14 +150,17 @@ fn compile(path: &Path, constants: &str) -> Module {
     };
     let compiler = Compiler::acquire().expect("glslang starts");
     let source = ShaderSource::from(text.as_str());
-    let words = ShaderInput::new(&source, ShaderStage::Compute, &options, None, None)
+    ShaderInput::new(&source, stage, &options, None, None)
         .and_then(|input| compiler.create_shader(input))
         .and_then(|shader| shader.compile())
         .unwrap_or_else(|error| {
             let numbered: String =
                 text.lines().enumerate().map(|(n, l)| format!("{:4} {l}\n", n + 1)).collect();
             panic!("{}\n{numbered}\n{error}", path.display())
-        });
+        })
+}
+
+fn load(path: &Path, words: &[u32]) -> Module {
     rspirv::dr::load_words(words).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 

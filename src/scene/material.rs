@@ -114,16 +114,16 @@ const BLOCK_ALIGN: usize = 256;
 /// `Material` of `material.frag`, in std140: vectors of four only, so nothing is padded.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-struct Block {
-    base_color: [f32; 4],
+pub(super) struct Block {
+    pub base_color: [f32; 4],
     /// w: alpha cutoff
-    emissive: [f32; 4],
+    pub emissive: [f32; 4],
     /// metallic, roughness, normal scale, occlusion strength
-    surface: [f32; 4],
+    pub surface: [f32; 4],
     /// x: bits of `FLAG_*` in the shader
-    flags: [u32; 4],
+    pub flags: [u32; 4],
     /// Per map two rows; w of the first is the set of texture coordinates.
-    uv_rows: [[f32; 4]; 2 * MAPS],
+    pub uv_rows: [[f32; 4]; 2 * MAPS],
 }
 
 const _: () = assert!(size_of::<Block>() <= BLOCK_ALIGN);

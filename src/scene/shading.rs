@@ -1,4 +1,4 @@
-//! The shader pair of scenes: ordinary Vulkan GLSL, compiled once per process.
+//! The shader pair of scenes: ordinary Vulkan GLSL, compiled when the crate is built.
 //!
 //! Two fragment modules from one source: with `discard` for MASK, and without it for everything
 //! else, because a shader that may discard costs every triangle it draws its early depth test.
@@ -23,22 +23,21 @@ pub(super) struct Shaders {
     pub mask: Arc<Shader>,
 }
 
-/// Compiles the modules, or returns those that are there.
+mod spirv {
+    include!(concat!(env!("OUT_DIR"), "/scene.rs"));
+}
+
+/// The modules, reflected once per process.
 pub(super) fn shaders() -> Result<Shaders> {
     static MADE: OnceLock<Shaders> = OnceLock::new();
     if let Some(made) = MADE.get() {
         return Ok(made.clone());
     }
-    let vertex = include_str!("../../glsl/scene/material.vert");
-    let fragment = include_str!("../../glsl/scene/material.frag");
-    let (version, rest) = fragment.split_once('\n').unwrap_or((fragment, ""));
-    let mask = format!("{version}\n#define ALPHA_MASK\n#line 2\n{rest}");
-    let compile =
-        |stage, label: &str, source: &str| Shader::from_glsl(stage, label, source).map(Arc::new);
+    let module = |stage, label: &str, words| Shader::from_spirv(stage, label, words).map(Arc::new);
     let made = Shaders {
-        vertex: compile(Stage::Vertex, "scene/material.vert", vertex)?,
-        opaque: compile(Stage::Fragment, "scene/material.frag", fragment)?,
-        mask: compile(Stage::Fragment, "scene/material.frag (mask)", &mask)?,
+        vertex: module(Stage::Vertex, "scene/material.vert", spirv::VERTEX)?,
+        opaque: module(Stage::Fragment, "scene/material.frag", spirv::FRAGMENT)?,
+        mask: module(Stage::Fragment, "scene/material.frag (mask)", spirv::MASK_FRAGMENT)?,
     };
     Ok(MADE.get_or_init(|| made).clone())
 }
@@ -79,10 +78,88 @@ pub(super) fn frame_set(camera: &Camera, extent: Extent, light: &Light) -> Arc<B
 }
 
 /// `Draw` of the vertex shader.
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Draw {
+    model: Mat4,
+    /// Columns of the matrix for normals; w tells whether the model mirrors, which turns bitangents
+    /// round.
+    normal_x: [f32; 4],
+    normal_y: [f32; 4],
+    normal_z: [f32; 4],
+}
+
+// What every device has for push constants.
+const _: () = assert!(size_of::<Draw>() <= 128);
+
+/// The push constants of a draw.
 pub(super) fn push_constants(model: &Mat4, normal: &Mat3) -> Vec<u8> {
-    // w tells whether the model mirrors, which turns bitangents round.
     let mirror = if model.determinant() < 0.0 { -1.0 } else { 1.0 };
-    let columns =
+    let [normal_x, normal_y, normal_z] =
         [normal.x_axis, normal.y_axis, normal.z_axis].map(|c| c.extend(mirror).to_array());
-    [bytemuck::bytes_of(model), bytemuck::bytes_of(&columns)].concat()
+    bytemuck::bytes_of(&Draw { model: *model, normal_x, normal_y, normal_z }).to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::material::Block;
+    use super::*;
+    use rspirv::{
+        dr::{Instruction, Module, Operand},
+        spirv::{Decoration, Op},
+    };
+    use std::mem::offset_of;
+
+    /// The offset of a member of a block, as the compiler laid it out.
+    fn offset(module: &Module, block: &str, member: &str) -> usize {
+        let name = |i: &Instruction| match i.operands.last() {
+            Some(Operand::LiteralString(name)) => name.clone(),
+            _ => String::new(),
+        };
+        let found = module.debug_names.iter().find_map(|i| {
+            let id = i.operands[0].unwrap_id_ref();
+            let holder = module
+                .debug_names
+                .iter()
+                .find(|n| n.class.opcode == Op::Name && n.operands[0].unwrap_id_ref() == id)?;
+            let matches =
+                i.class.opcode == Op::MemberName && name(i) == member && name(holder) == block;
+            matches.then(|| (id, i.operands[1].unwrap_literal_bit32()))
+        });
+        let (id, number) = found.unwrap_or_else(|| panic!("{block}.{member} is in no shader"));
+        module
+            .annotations
+            .iter()
+            .find_map(|i| match i.operands.as_slice() {
+                [
+                    Operand::IdRef(of),
+                    Operand::LiteralBit32(n),
+                    Operand::Decoration(Decoration::Offset),
+                    Operand::LiteralBit32(offset),
+                ] if (*of, *n) == (id, number) => Some(*offset as usize),
+                _ => None,
+            })
+            .unwrap_or_else(|| panic!("{block}.{member} has no offset"))
+    }
+
+    #[test]
+    fn blocks_have_the_layout_of_the_shaders() {
+        let [vertex, fragment, mask] = [spirv::VERTEX, spirv::FRAGMENT, spirv::MASK_FRAGMENT]
+            .map(|words| rspirv::dr::load_words(words).unwrap());
+        macro_rules! same {
+            ($modules:expr, $block:literal, $rust:ty: $($member:ident)*) => {
+                for module in $modules {
+                    $(assert_eq!(
+                        offset(module, $block, stringify!($member)),
+                        offset_of!($rust, $member),
+                        "{}.{}", $block, stringify!($member)
+                    );)*
+                }
+            };
+        }
+        same!([&vertex, &fragment, &mask], "Frame", Frame:
+            view_projection eye backward key_direction key_color sky horizon ground);
+        same!([&fragment, &mask], "Material", Block: base_color emissive surface flags uv_rows);
+        same!([&vertex], "Draw", Draw: model normal_x normal_y normal_z);
+    }
 }

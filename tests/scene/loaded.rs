@@ -14,10 +14,10 @@ use tilewright::{
 const EXTENT: Extent = Extent::new(64, 64);
 
 /// A folder with the files of one case.
-struct Case(tempfile::TempDir);
+pub struct Case(tempfile::TempDir);
 
 impl Case {
-    fn new(files: &[(&str, &[u8])]) -> Self {
+    pub fn new(files: &[(&str, &[u8])]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         for (name, content) in files {
             let path = folder.path().join(name);
@@ -27,7 +27,7 @@ impl Case {
         Self(folder)
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
@@ -41,7 +41,7 @@ impl Case {
 }
 
 /// A valid pass of everything in the scene.
-fn pass(scene: &Scene) -> Pass {
+pub fn pass(scene: &Scene) -> Pass {
     let options = PassOptions { cull: false, ..PassOptions::default() };
     let pass = scene.pass(EXTENT, &scene.default_camera(EXTENT), &options).unwrap();
     check(&pass);
@@ -58,7 +58,7 @@ fn model(draw: &Draw) -> Mat4 {
 }
 
 /// Positions that a draw reads, in the order it reads them, in the world.
-fn positions(draw: &Draw) -> Vec<Vec3> {
+pub fn positions(draw: &Draw) -> Vec<Vec3> {
     let range = &draw.vertex_buffers[0];
     let bytes = &range.buffer.bytes[range.offset..range.offset + range.bytes];
     let at = |i: usize| {
@@ -77,12 +77,12 @@ fn positions(draw: &Draw) -> Vec<Vec3> {
 }
 
 /// A `data:` URI of floats.
-fn floats(values: &[f32]) -> (String, usize) {
+pub fn floats(values: &[f32]) -> (String, usize) {
     let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
     (uri(&bytes), bytes.len())
 }
 
-fn uri(bytes: &[u8]) -> String {
+pub fn uri(bytes: &[u8]) -> String {
     let mut text = String::from("data:application/octet-stream,");
     bytes.iter().for_each(|b| text.push_str(&format!("%{b:02x}")));
     text

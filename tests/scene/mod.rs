@@ -3,6 +3,7 @@
 mod damaged;
 mod files;
 mod loaded;
+mod moved;
 mod valid;
 
 pub use valid::check;
