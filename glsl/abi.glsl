@@ -59,7 +59,6 @@ struct Piece {
     uint front_face;
     vec3 scale;
     vec3 offset;
-    vec2 guard;
     ivec2 rect_min;
     ivec2 rect_max;
     uint cut;

@@ -26,15 +26,20 @@ uvec3 vertex_slots(const Piece piece, const uint in_piece) {
     return piece.vertex_base + (instance - piece.instance_min) * piece.vertices_per_instance + vertex - piece.vertex_min;
 }
 
-// Clip space to window: pixels and depth, unsnapped. The viewport transform is fused, as rasterizers
-// do it; farther out than the guard band only rounding gets, and it is cut off there.
-vec3 window(const Piece piece, const vec4 p) {
+// Clip space to window: pixels and depth, unsnapped. As rasterizers do it, the viewport transform is
+// fused for the vertices of the user and not for corners `made` by clipping. Only rounding, and
+// viewports larger than any target, get farther out than the bound.
+vec3 window(const Piece piece, const vec4 p, const bool made) {
     float inverse = exact_divide(1.0, p.w);
     vec3 ndc = p.xyz * inverse;
+    vec3 window = ndc * piece.scale + piece.offset;
+    if (!made) {
+        window = vec3(multiply_add(ndc.x, piece.scale.x, piece.offset.x),
+                      multiply_add(ndc.y, piece.scale.y, piece.offset.y),
+                      multiply_add(ndc.z, piece.scale.z, piece.offset.z));
+    }
     const float far_out = float(1u << GUARD_LOG2);
-    return vec3(clamp(multiply_add(ndc.x, piece.scale.x, piece.offset.x), -far_out, far_out),
-                clamp(multiply_add(ndc.y, piece.scale.y, piece.offset.y), -far_out, far_out),
-                multiply_add(ndc.z, piece.scale.z, piece.offset.z));
+    return vec3(clamp(window.xy, vec2(-far_out), vec2(far_out)), window.z);
 }
 
 ivec2 snap(const vec3 p) {
@@ -42,8 +47,8 @@ ivec2 snap(const vec3 p) {
     return ivec2(round_even((p.x - 0.5) * scale), round_even((p.y - 0.5) * scale));
 }
 
-// Sets up one triangle at `at`, of the depth `plane`; returns its flags, 0 if it draws nothing.
-uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c, const vec3 plane) {
+// Sets up one triangle at `at`; returns its flags, 0 if it draws nothing.
+uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
     ivec2 sa = snap(a), sb = snap(b), sc = snap(c);
     int turn = wide_sign(wide_subtract(wide_product(sb.x - sa.x, sc.y - sa.y), wide_product(sc.x - sa.x, sb.y - sa.y)));
     bool front = (turn > 0) == (piece.front_face == 1u);
@@ -60,6 +65,7 @@ uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec
     high = min(high, piece.rect_max);
     if (low.x > high.x || low.y > high.y) return 0u;
 
+    vec3 plane = depth_plane(a, b, c);
     uint flags = TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
     uvec2 first = uvec2(low - ivec2(0, int(batch.origin_y))), last = uvec2(high - ivec2(0, int(batch.origin_y)));
     ivec3 x = ivec3(sa.x, sb.x, sc.x), y = ivec3(sa.y, sb.y, sc.y);
@@ -103,16 +109,15 @@ void main() {
     vec4 a = sanitized(positions[slots.x]), b = sanitized(positions[slots.y]), c = sanitized(positions[slots.z]);
 
     // Wholly outside one side of the view volume: no clipping needed to know that nothing is seen.
-    uint outside = clip_outcode(a, vec2(1.0)) & clip_outcode(b, vec2(1.0)) & clip_outcode(c, vec2(1.0));
-    if (outside != 0u || !usable(a) || !usable(b) || !usable(c)) {
+    uint code_a = clip_outcode(a), code_b = clip_outcode(b), code_c = clip_outcode(c);
+    if ((code_a & code_b & code_c) != 0u || !usable(a) || !usable(b) || !usable(c)) {
         triangles[primitive].flags = 0u;
         return;
     }
-    uint clip = clip_outcode(a, piece.guard) | clip_outcode(b, piece.guard) | clip_outcode(c, piece.guard);
+    uint clip = code_a | code_b | code_c;
     if (clip == 0u && min(a.w, min(b.w, c.w)) > 0.0) {
-        vec3 wa = window(piece, a), wb = window(piece, b), wc = window(piece, c);
-        vec3 plane = depth_plane(wa, wb, wc);
-        triangles[primitive].flags = set_up(primitive, piece, piece_index, slots, wa, wb, wc, plane);
+        triangles[primitive].flags =
+            set_up(primitive, piece, piece_index, slots, window(piece, a, false), window(piece, b, false), window(piece, c, false));
         return;
     }
 
@@ -120,7 +125,8 @@ void main() {
     corners[0] = a;
     corners[1] = b;
     corners[2] = c;
-    uint count = clip_polygon(corners, clip, piece.guard);
+    uint made;
+    uint count = clip_polygon(corners, clip, made);
     // What is left touches w = 0 only at the eye itself, which no window position belongs to.
     bool drawable = count >= 3u;
     for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
@@ -128,13 +134,12 @@ void main() {
         triangles[primitive].flags = 0u;
         return;
     }
-    vec3 plane = depth_plane_clipped(a, b, c, piece.scale, piece.offset);
-    vec3 first = window(piece, corners[0]);
-    vec3 previous = window(piece, corners[1]);
+    vec3 first = window(piece, corners[0], (made & 1u) != 0u);
+    vec3 previous = window(piece, corners[1], (made & 2u) != 0u);
     for (uint part = 0u; part + 2u < count; part++) {
-        vec3 next = window(piece, corners[part + 2u]);
+        vec3 next = window(piece, corners[part + 2u], (made & (4u << part)) != 0u);
         uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
-        uint flags = set_up(at, piece, piece_index, slots, first, previous, next, plane);
+        uint flags = set_up(at, piece, piece_index, slots, first, previous, next);
         triangles[at].flags = flags | (part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u);
         previous = next;
     }

@@ -30,7 +30,7 @@ pub const MAX_CELLS: u32 = 16;
 pub const MAX_CELLS_TESTED: u32 = 64;
 /// Log2 of the largest target edge in pixels.
 pub const MAX_EXTENT_LOG2: u32 = 14;
-/// Window coordinates reach from -2^15 to 2^15 pixels: what lies farther out is clipped.
+/// Window coordinates reach from -2^15 to 2^15 pixels, which holds every viewport that meets a target.
 pub const GUARD_LOG2: u32 = 15;
 /// Triangles that clipping one primitive by six planes can leave.
 pub const MAX_CLIPPED: u32 = 7;
@@ -196,8 +196,6 @@ pub struct Piece {
     pub scale: [f32; 3],
     /// Clip space to window: offsets of x, y and z.
     pub offset: [f32; 3],
-    /// Guard band in x and y as multiples of w; powers of two, so that the product is exact.
-    pub guard: [f32; 2],
     /// First pixel of viewport and scissor, x then y.
     pub rect_min: [i32; 2],
     /// Last pixel of viewport and scissor, x then y.

@@ -96,7 +96,7 @@ fn triangles_of_an_edge_leave_no_gap_and_share_no_pixel() {
         for seed in 0..40 {
             let mut random = Random::new(seed);
             let n = 1 + random.below(30);
-            // Up to a thousand times the screen, so that the guard band clips.
+            // Up to a thousand times the screen, so that sides of the volume clip.
             let reach = [1.3, 2.0, 40.0, 1000.0][random.below(4)];
             let mesh = jittered_grid(&mut random, n, reach, false);
             let extent = Extent::new(1 + random.below(120) as u32, 1 + random.below(120) as u32);

@@ -55,7 +55,7 @@ fn positions(random: &mut Random, triangles: usize) -> Vec<[f32; 4]> {
             // Through the near plane, or behind the eye altogether.
             0 => corners[random.below(3)][3] *= -1.0,
             1 => corners[random.below(3)][2] = -random.unit(),
-            // Far outside, so that the guard band is met.
+            // Far outside, so that it is clipped.
             2 => corners[random.below(3)][random.below(2)] = random.signed() * 1e6,
             3 => corners[random.below(3)] = [1e30, -1e30, 0.5, 1e-3],
             // Exact coincidences with pixel centres and each other.

@@ -27,26 +27,6 @@ vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c) {
     return vec3(settled(plane.x), settled(plane.y), settled(plane.z));
 }
 
-// The same for a primitive that is clipped, from its clip-space vertices. New corners that lie near
-// the eye are computed from vertices far from it and lose too many digits for a plane, so this one
-// goes through the vertices as they came. It solves for w - z, which in a perspective projection is
-// small and nearly the same for all vertices, by Cramer's rule: over device coordinates,
-// 1 - z is the plane that has the value (w - z) / w at each vertex.
-vec3 depth_plane_clipped(const vec4 a, const vec4 b, const vec4 c, const vec3 scale, const vec3 offset) {
-    vec3 bc = vec3(b.y * c.w - c.y * b.w, c.x * b.w - b.x * c.w, b.x * c.y - c.x * b.y);
-    vec3 ca = vec3(c.y * a.w - a.y * c.w, a.x * c.w - c.x * a.w, c.x * a.y - a.x * c.y);
-    vec3 ab = vec3(a.y * b.w - b.y * a.w, b.x * a.w - a.x * b.w, a.x * b.y - b.x * a.y);
-    float volume = a.x * bc.x + a.y * bc.y + a.w * bc.z;
-    float inverse = exact_divide(1.0, volume);
-    float pa = (a.w - a.z) * inverse, pb = (b.w - b.z) * inverse, pc = (c.w - c.z) * inverse;
-    vec3 p = vec3(bc.x * pa + ca.x * pb + ab.x * pc, bc.y * pa + ca.y * pb + ab.y * pc, bc.z * pa + ca.z * pb + ab.z * pc);
-    vec2 gradient = vec2(exact_divide(p.x, scale.x), exact_divide(p.y, scale.y));
-    float z = 1.0 - (p.z + gradient.x * (0.5 - offset.x) + gradient.y * (0.5 - offset.y));
-    vec3 plane = vec3(-gradient * scale.z, offset.z + z * scale.z);
-    bool usable = flush(volume) != 0.0 && all(lessThan(abs(plane), vec3(18446744073709551616.0)));
-    return usable ? vec3(settled(plane.x), settled(plane.y), settled(plane.z)) : vec3(0.0, 0.0, offset.z);
-}
-
 // Depth at the pixel, clamped to 0..1.
 float depth_at(const float z, const float dzdx, const float dzdy, const ivec2 pixel) {
     float d = multiply_add(dzdy, float(pixel.y), multiply_add(dzdx, float(pixel.x), z));

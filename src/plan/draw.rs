@@ -137,7 +137,6 @@ impl Planner<'_> {
             front_face: pipeline.front_face as u32,
             scale,
             offset,
-            guard: [guard(scale[0], offset[0]), guard(scale[1], offset[1])],
             rect_min,
             rect_max,
             cut: u32::from(rect_min != [0, 0] || rect_max != full),
@@ -242,15 +241,4 @@ impl Planner<'_> {
 fn pixel_span(start: f32, length: f32) -> (i32, i32) {
     let (low, high) = if length < 0.0 { (start + length, start) } else { (start, start + length) };
     ((low - 0.5).ceil().max(0.0) as i32, (high - 0.5).ceil() as i32 - 1)
-}
-
-/// The largest power of two that keeps `scale * guard + offset` inside the guard band.
-fn guard(scale: f32, offset: f32) -> f32 {
-    let room = (1 << abi::GUARD_LOG2) as f32 - offset.abs();
-    let most = room / scale.abs();
-    let mut guard = 1.0;
-    while guard * 2.0 <= most && guard < (1 << 20) as f32 {
-        guard *= 2.0;
-    }
-    guard
 }

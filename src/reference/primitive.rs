@@ -33,26 +33,20 @@ fn primitive_parts(input: &Input, primitive: u32) -> Parts {
     if corners.iter().flatten().any(|c| !c.is_finite()) {
         return vec![None];
     }
-    let hidden = (0..PLANES).any(|p| corners.iter().all(|&c| distance(p, c, [1.0; 2]) < 0.0));
+    let hidden = (0..PLANES).any(|p| corners.iter().all(|&c| distance(p, c) < 0.0));
     if hidden {
         return vec![None];
     }
-    let polygon = clip(&corners, piece.guard);
-    if polygon.len() < 3 || polygon.iter().any(|c| flush(c[3]) <= 0.0) {
+    let polygon = clip(&corners);
+    if polygon.len() < 3 || polygon.iter().any(|c| flush(c.position[3]) <= 0.0) {
         return vec![None];
     }
-    let clipped = polygon.as_slice() != corners;
-    let window: Vec<_> = polygon.iter().map(|&corner| to_window(piece, corner)).collect();
+    let window: Vec<_> = polygon.iter().map(|corner| to_window(piece, corner)).collect();
     window[1..]
         .windows(2)
         .map(|pair| {
             let piece_number = input.piece_first + at as u32;
-            let corners_of_part = [window[0], pair[0], pair[1]];
-            let plane = match clipped {
-                true => depth_plane_clipped(&corners, piece),
-                false => depth_plane(corners_of_part),
-            };
-            set_up(input, piece, piece_number, slots, corners_of_part, plane)
+            set_up(input, piece, piece_number, slots, [window[0], pair[0], pair[1]])
         })
         .collect()
 }
@@ -90,36 +84,37 @@ fn flush(a: f32) -> f32 {
 
 const PLANES: usize = 6;
 
-fn distance(plane: usize, [x, y, z, w]: Vec4, guard: [f32; 2]) -> f32 {
-    match plane {
-        0 => guard[0] * w + x,
-        1 => guard[0] * w - x,
-        2 => guard[1] * w + y,
-        3 => guard[1] * w - y,
-        4 => z,
-        _ => w - z,
-    }
+fn distance(plane: usize, [x, y, z, w]: Vec4) -> f32 {
+    [w - x, w + x, w - y, w + y, z, w - z][plane]
+}
+
+/// A corner of a clipped polygon.
+#[derive(Clone, Copy)]
+struct Corner {
+    position: Vec4,
+    /// Whether clipping made it.
+    made: bool,
 }
 
 /// Sutherland and Hodgman: the polygon that the planes leave of a triangle.
-fn clip(triangle: &[Vec4; 3], guard: [f32; 2]) -> Vec<Vec4> {
-    let mut polygon = triangle.to_vec();
+fn clip(triangle: &[Vec4; 3]) -> Vec<Corner> {
+    let mut polygon: Vec<_> =
+        triangle.iter().map(|&position| Corner { position, made: false }).collect();
     for plane in 0..PLANES {
-        if triangle.iter().all(|&c| distance(plane, c, guard) >= 0.0) {
+        if triangle.iter().all(|&c| distance(plane, c) >= 0.0) {
             continue;
         }
         let mut kept = Vec::new();
-        for i in 0..polygon.len() {
-            let a = polygon[(i + polygon.len() - 1) % polygon.len()];
-            let b = polygon[i];
-            let (da, db) = (distance(plane, a, guard), distance(plane, b, guard));
-            if da < 0.0 && db >= 0.0 {
-                kept.push(crossing(plane, b, db, a, da));
-            } else if da >= 0.0 && db < 0.0 {
-                kept.push(crossing(plane, a, da, b, db));
+        for (i, &a) in polygon.iter().enumerate() {
+            let b = polygon[(i + 1) % polygon.len()];
+            let (da, db) = (distance(plane, a.position), distance(plane, b.position));
+            if da >= 0.0 {
+                kept.push(a);
             }
-            if db >= 0.0 {
-                kept.push(b);
+            if da < 0.0 && db >= 0.0 {
+                kept.push(crossing(a.position, da, b.position, db));
+            } else if da >= 0.0 && db < 0.0 {
+                kept.push(crossing(b.position, db, a.position, da));
             }
         }
         polygon = kept;
@@ -130,23 +125,21 @@ fn clip(triangle: &[Vec4; 3], guard: [f32; 2]) -> Vec<Vec4> {
     polygon
 }
 
-fn crossing(plane: usize, inside: Vec4, din: f32, outside: Vec4, dout: f32) -> Vec4 {
-    let t = flush(din / (din - dout));
-    let mut p = std::array::from_fn(|i| inside[i] + (outside[i] - inside[i]) * t);
-    match plane {
-        4 => p[2] = 0.0,
-        5 => p[2] = p[3],
-        _ => {}
-    }
-    p
+fn crossing(outside: Vec4, dout: f32, inside: Vec4, din: f32) -> Corner {
+    let t = flush(dout / (dout - din));
+    let position = std::array::from_fn(|i| outside[i] + (inside[i] - outside[i]) * t);
+    Corner { position, made: true }
 }
 
 /// Window position in pixels and depth.
-fn to_window(piece: &Piece, [x, y, z, w]: Vec4) -> [f32; 3] {
+fn to_window(piece: &Piece, corner: &Corner) -> [f32; 3] {
+    let [x, y, z, w] = corner.position;
     let inverse = flush(1.0 / w);
     let ndc = [x * inverse, y * inverse, z * inverse];
-    let mut window: [f32; 3] =
-        std::array::from_fn(|i| multiply_add(ndc[i], piece.scale[i], piece.offset[i]));
+    let mut window: [f32; 3] = std::array::from_fn(|i| match corner.made {
+        true => ndc[i] * piece.scale[i] + piece.offset[i],
+        false => multiply_add(ndc[i], piece.scale[i], piece.offset[i]),
+    });
     let far_out = (1 << abi::GUARD_LOG2) as f32;
     for c in &mut window[..2] {
         *c = c.clamp(-far_out, far_out);
@@ -171,7 +164,6 @@ fn set_up(
     piece_number: u32,
     slots: [u32; 3],
     window: [[f32; 3]; 3],
-    [dzdx, dzdy, z]: [f32; 3],
 ) -> Option<Triangle> {
     let scale = (1 << abi::SUBPIXEL_BITS) as f32;
     let snap = |c: f32| ((c - 0.5) * scale).round_ties_even() as i32;
@@ -199,6 +191,7 @@ fn set_up(
     let (first_y, last_y) = pixels(y, piece.rect_min[1], piece.rect_max[1])?;
     let origin_y = input.grid.origin_y as i32;
 
+    let [dzdx, dzdy, z] = depth_plane(window);
     let mut triangle = Triangle {
         x,
         y,
@@ -232,30 +225,6 @@ fn depth_plane([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
     let [dx, dy] = [ab[2] * cas[1] - ca[2] * abs[1], ca[2] * abs[0] - ab[2] * cas[0]];
     let plane = [dx, dy, a[2] - (dx * (a[0] - 0.5) + dy * (a[1] - 0.5))];
     let usable = flush(area) != 0.0 && plane.iter().all(|p| p.abs() < 2f32.powi(64));
+    let settled = |p: f32| if p.abs() < 2f32.powi(-64) { 0.0 } else { p };
     if usable { plane.map(settled) } else { [0.0, 0.0, settled(a[2])] }
-}
-
-/// The same for a clipped primitive: the plane through its clip-space vertices as they came, by
-/// Cramer's rule for `w - z` over device coordinates.
-fn depth_plane_clipped([a, b, c]: &[Vec4; 3], piece: &Piece) -> [f32; 3] {
-    // Cofactors of the rows (x, y, w).
-    let minors = |[px, py, _, pw]: Vec4, [qx, qy, _, qw]: Vec4| {
-        [py * qw - qy * pw, qx * pw - px * qw, px * qy - qx * py]
-    };
-    let (bc, ca, ab) = (minors(*b, *c), minors(*c, *a), minors(*a, *b));
-    let volume = a[0] * bc[0] + a[1] * bc[1] + a[3] * bc[2];
-    let inverse = flush(1.0 / volume);
-    let [pa, pb, pc] = [a, b, c].map(|v| (v[3] - v[2]) * inverse);
-    let p: [f32; 3] = std::array::from_fn(|i| bc[i] * pa + ca[i] * pb + ab[i] * pc);
-    let (scale, offset) = (piece.scale, piece.offset);
-    let gradient = [flush(p[0] / scale[0]), flush(p[1] / scale[1])];
-    let z = 1.0 - (p[2] + gradient[0] * (0.5 - offset[0]) + gradient[1] * (0.5 - offset[1]));
-    let plane = [-gradient[0] * scale[2], -gradient[1] * scale[2], offset[2] + z * scale[2]];
-    let usable = flush(volume) != 0.0 && plane.iter().all(|p| p.abs() < 2f32.powi(64));
-    if usable { plane.map(settled) } else { [0.0, 0.0, offset[2]] }
-}
-
-/// What is too small to change any depth is zero.
-fn settled(p: f32) -> f32 {
-    if p.abs() < 2f32.powi(-64) { 0.0 } else { p }
 }
