@@ -65,12 +65,19 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     uint low_bits = triangles[t].bounds_min, high_bits = triangles[t].bounds_max;
     ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
     ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
+    const ivec2 bin_last = ivec2((1 << BIN_SIZE_LOG2) - 1);
+    // A coarse cell lists triangles that miss some of its bins.
+    if (any(lessThan(high, ivec2(0))) || any(greaterThan(low, bin_last))) return;
     Edges edges = edges_from(x, y, origin, 0u);
     uint piece = triangles[t].piece;
     bool test = pieces[piece].depth_test != 0u, write = pieces[piece].depth_write != 0u;
     uint operation = pieces[piece].depth_compare;
 
-    for (uint first = 0u; first < BIN_PIXELS; first += WIDTH) {
+    // The pixels of a box have indices between those of its first and its last: indices grow with
+    // both coordinates.
+    uint start = tile_index(uvec2(max(low, 0))) / WIDTH * WIDTH;
+    uint last = tile_index(uvec2(min(high, bin_last)));
+    for (uint first = start; first <= last; first += WIDTH) {
         ivec2 p = ivec2(tile_pixel(first + lane));
         ivec3 e = edges.at + edges.dx * p.x + edges.dy * p.y;
         bool alive = (e.x | e.y | e.z) >= 0 && all(greaterThanEqual(p, low)) && all(lessThanEqual(p, high));
