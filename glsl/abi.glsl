@@ -30,7 +30,6 @@ struct Batch {
 
 struct Clear {
     vec4 color;
-    float depth;
     uint pixels;
 };
 

@@ -37,14 +37,17 @@ uint tw_resource(const in uint i) {
     return resource_slots[resource_base + i];
 }
 
-uvec4 fetch_varying(const uint vertex, const uint location) {
-    uint at = varying_base[vertex] + location * 4u;
-    return uvec4(varyings[at], varyings[at + 1u], varyings[at + 2u], varyings[at + 3u]);
+// Word `lane & 3` of a location of each vertex: the lanes of a quad shade the same triangle, so that
+// each loads one component and the others get it from there. Loads are dear, shuffles are not.
+uvec3 fetch_part(const uint location) {
+    uvec3 at = varying_base + location * 4u + (gl_SubgroupInvocationID & 3u);
+    return uvec3(varyings[at.x], varyings[at.y], varyings[at.z]);
 }
 
 vec4 interpolate(const vec3 weights, const uint location) {
-    return weights.x * uintBitsToFloat(fetch_varying(0u, location)) + weights.y * uintBitsToFloat(fetch_varying(1u, location)) +
-           weights.z * uintBitsToFloat(fetch_varying(2u, location));
+    vec3 part = uintBitsToFloat(fetch_part(location));
+    return vec4(dot(weights, subgroupQuadBroadcast(part, 0u)), dot(weights, subgroupQuadBroadcast(part, 1u)),
+                dot(weights, subgroupQuadBroadcast(part, 2u)), dot(weights, subgroupQuadBroadcast(part, 3u)));
 }
 
 vec4 tw_input_smooth(const in uint location) {
@@ -56,7 +59,9 @@ vec4 tw_input_noperspective(const in uint location) {
 }
 
 uvec4 tw_input_flat(const in uint location) {
-    return fetch_varying(0u, location);
+    uint part = varyings[varying_base.x + location * 4u + (gl_SubgroupInvocationID & 3u)];
+    return uvec4(subgroupQuadBroadcast(part, 0u), subgroupQuadBroadcast(part, 1u),
+                 subgroupQuadBroadcast(part, 2u), subgroupQuadBroadcast(part, 3u));
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
@@ -96,12 +101,13 @@ void shade(const uint key, const ivec2 pixel, const bool helper) {
     vec3 scale = pieces[piece_index].scale, offset = pieces[piece_index].offset;
 
     vec2 ndc = (vec2(pixel) + 0.5 - offset.xy) / scale.xy;
-    vec4 a = positions[vertices.x], b = positions[vertices.y], c = positions[vertices.z];
-    vec2 pa = a.xy - ndc * a.w, pb = b.xy - ndc * b.w, pc = c.xy - ndc * c.w;
+    uint part = gl_SubgroupInvocationID & 3u;
+    vec3 parts = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);
+    vec3 x = subgroupQuadBroadcast(parts, 0u), y = subgroupQuadBroadcast(parts, 1u), w = subgroupQuadBroadcast(parts, 3u);
+    vec2 pa = vec2(x.x, y.x) - ndc * w.x, pb = vec2(x.y, y.y) - ndc * w.y, pc = vec2(x.z, y.z) - ndc * w.z;
     vec3 weights = vec3(pb.x * pc.y - pb.y * pc.x, pc.x * pa.y - pc.y * pa.x, pa.x * pb.y - pa.y * pb.x);
     float sum = weights.x + weights.y + weights.z;
     perspective = sum != 0.0 ? weights / sum : vec3(1.0, 0.0, 0.0);
-    vec3 w = vec3(a.w, b.w, c.w);
     float depth_w = dot(perspective, w);
     linear = depth_w != 0.0 ? perspective * w / depth_w : vec3(1.0, 0.0, 0.0);
 

@@ -82,7 +82,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
         ivec3 e = edges.at + edges.dx * p.x + edges.dy * p.y;
         bool alive = (e.x | e.y | e.z) >= 0 && all(greaterThanEqual(p, low)) && all(lessThanEqual(p, high));
         if (!subgroupAny(alive)) continue;
-        uint at = bin * BIN_PIXELS + first + lane;
+        uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
         float z = depth_at(triangles[t].z, triangles[t].dzdx, triangles[t].dzdy, origin + p);
         if (test && DEPTH != DEPTH_LATE) alive = alive && compare(operation, z, depth[at]);
         if (!subgroupAny(alive)) continue;
@@ -94,7 +94,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
         float late = tw_FragDepth > 0.0 ? min(tw_FragDepth, 1.0) : 0.0;
         if (test && DEPTH == DEPTH_LATE && !compare(operation, late, depth[at])) continue;
         if (test && write && DEPTH != DEPTH_EARLY) depth[at] = DEPTH == DEPTH_LATE ? late : z;
-        visibility[at] = key;
+        visibility[bin * BIN_PIXELS + first + lane] = key;
         write_color(at, piece);
     }
 }

@@ -7,9 +7,13 @@
 // of the batch been drawn in API order; its order in the lists does not matter.
 // Kernel / Twin: src/compute/raster.rs, src/reference/raster.rs.
 //
-// One subgroup is one workgroup is one bin: no barrier and no shared memory. Each lane looks at
-// another triangle of the list; those that may touch a block of the bin are taken one by one, their
-// edges handed to all lanes, and each lane tests its pixels, whose depth and key stay in registers.
+// One subgroup is one workgroup is one bin. Each lane looks at another triangle of the list; those that
+// may touch a quadrant of the bin are taken one by one, their edges handed to all lanes, and each lane
+// tests one pixel of every patch of the quadrant that the triangle's box touches. Depth and key of the
+// bin's pixels are in shared memory, each pixel's touched by one lane only, so that there is no barrier.
+//
+// Everything in registers, all loops unrolled, was the arrangement before: it tested the 64 pixels
+// of a quadrant for a triangle of three, and took lavapipe three seconds to compile.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -37,12 +41,19 @@ layout(scalar, binding = 7) buffer ShadeArgs { uvec3 shade_args[]; };
 // `batch.bins` entries for each fragment kernel.
 layout(scalar, binding = 8) writeonly buffer ShadeBins { uint shade_bins[]; };
 
-// Pixels are tested in blocks that are at least as large as a subgroup.
+// A block is a quadrant of the bin, or two of them where a subgroup is wider than one. It is tested in
+// patches of as many pixels as a subgroup has lanes, numbered row by row.
 const uint BLOCK = WIDTH > 64u ? WIDTH : 64u;
 const uint BLOCKS = BIN_PIXELS / BLOCK;
-const uint STEPS = BLOCK / WIDTH;
 const int BLOCK_LAST_X = BLOCK == 64u ? 7 : 15;
 const int BLOCK_LAST_Y = 7;
+const uint PATCH_X_LOG2 = WIDTH > 64u ? 4u : (WIDTH >= 16u ? 3u : (WIDTH == 8u ? 2u : 1u));
+const uint PATCH_Y_LOG2 = WIDTH >= 64u ? 3u : (WIDTH == 32u ? 2u : 1u);
+const uint COLUMNS = (uint(BLOCK_LAST_X) + 1u) >> PATCH_X_LOG2;
+const uint ROWS = 8u >> PATCH_Y_LOG2;
+
+shared float s_depth[BIN_PIXELS];
+shared uint s_key[BIN_PIXELS];
 
 const bool GREATER = COMPARE == 4u || COMPARE == 6u;
 const bool OR_EQUAL = COMPARE == 3u || COMPARE == 6u;
@@ -64,6 +75,29 @@ float nearest_in_block(const float z, const float dzdx, const float dzdy, const 
                    : z + sx + sy + min(ex, 0.0) + min(ey, 0.0) - slack;
 }
 
+// One bit for each patch of the block under the pixels `low..=high`, which are relative to it and
+// overlap it.
+uint patches_under(const ivec2 low, const ivec2 high) {
+    uvec2 first = uvec2(max(low, 0)), last = uvec2(min(high, ivec2(BLOCK_LAST_X, BLOCK_LAST_Y)));
+    uint columns = (2u << (last.x >> PATCH_X_LOG2)) - (1u << (first.x >> PATCH_X_LOG2));
+    uint rows = 0u;
+    [[unroll]] for (uint row = 0u; row < ROWS; row++) {
+        bool under = row >= first.y >> PATCH_Y_LOG2 && row <= last.y >> PATCH_Y_LOG2;
+        rows |= under ? columns << (row * COLUMNS) : 0u;
+    }
+    return rows;
+}
+
+// The farthest depth that a block holds.
+float farthest_of(const uint block) {
+    float far_z = GREATER ? 1.0 : 0.0;
+    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BLOCK; i += WIDTH) {
+        float z = s_depth[block * BLOCK + i];
+        far_z = GREATER ? min(far_z, z) : max(far_z, z);
+    }
+    return GREATER ? subgroupMin(far_z) : subgroupMax(far_z);
+}
+
 void main() {
     uint lane = gl_SubgroupInvocationID;
     uint bin = bins[gl_WorkGroupID.x];
@@ -72,25 +106,22 @@ void main() {
     ivec2 origin = local_origin + ivec2(0, int(batch.origin_y));
     ivec2 lane_pixel = ivec2(tile_pixel(lane));
 
-    float held_z[BLOCKS * STEPS];
-    uint held_key[BLOCKS * STEPS];
-    float farthest[BLOCKS];
-    [[unroll]] for (uint b = 0u; b < BLOCKS; b++) {
-        float far_z = GREATER ? 1.0 : 0.0;
-        [[unroll]] for (uint s = 0u; s < STEPS; s++) {
-            uint i = b * STEPS + s;
-            held_z[i] = depth[bin * BIN_PIXELS + i * WIDTH + lane];
-            held_key[i] = 0u;
-            far_z = GREATER ? min(far_z, held_z[i]) : max(far_z, held_z[i]);
-        }
-        farthest[b] = GREATER ? subgroupMin(far_z) : subgroupMax(far_z);
+    [[dont_unroll]] for (uint i = lane; i < BIN_PIXELS; i += WIDTH) {
+        uvec2 p = uvec2(local_origin) + tile_pixel(i);
+        // Pixels of the bin beyond the target hold what nothing beats.
+        float z = GREATER ? 2.0 : -1.0;
+        if (p.x < batch.width && p.y < batch.height) z = depth[p.y * batch.width + p.x];
+        s_depth[i] = z;
+        s_key[i] = 0u;
     }
+    float farthest[BLOCKS];
+    [[dont_unroll]] for (uint b = 0u; b < BLOCKS; b++) farthest[b] = farthest_of(b);
 
-    for (uint level = 0u; level < CELL_LEVELS; level++) {
+    [[dont_unroll]] for (uint level = 0u; level < CELL_LEVELS; level++) {
         uvec2 cell_position = bin_position >> (CELL_LOG2[level] - BIN_SIZE_LOG2);
         uint cell = batch.cell_first[level] + cell_position.y * batch.cell_columns[level] + cell_position.x;
         uint end = cell_ends[cell];
-        for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += WIDTH) {
+        [[dont_unroll]] for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += WIDTH) {
             uint key = entries[min(first + lane, end - 1u)];
             uint at = key_triangle(key, batch.extra_first);
             ivec3 x = triangles[at].x, y = triangles[at].y;
@@ -102,7 +133,7 @@ void main() {
             Edges edges = edges_from(x, y, origin, 0u);
             bool live = first + lane < end;
 
-            [[unroll]] for (uint b = 0u; b < BLOCKS; b++) {
+            [[dont_unroll]] for (uint b = 0u; b < BLOCKS; b++) {
                 ivec2 block = ivec2(tile_pixel(b * BLOCK));
                 ivec3 at_block = edges.at + edges.dx * block.x + edges.dy * block.y;
                 ivec3 most = at_block + max(edges.dx, 0) * BLOCK_LAST_X + max(edges.dy, 0) * BLOCK_LAST_Y;
@@ -113,6 +144,7 @@ void main() {
                            (GREATER ? bound >= farthest[b] : bound <= farthest[b]);
                 uvec4 mask = subgroupBallot(hit);
                 if (mask == uvec4(0u)) continue;
+                uint patches = patches_under(low - block, high - block);
                 do {
                     uint j = subgroupBallotFindLSB(mask);
                     mask[j >> 5] &= mask[j >> 5] - 1u;
@@ -120,43 +152,44 @@ void main() {
                     ivec3 start = subgroupShuffle(at_block, j) + dx * lane_pixel.x + dy * lane_pixel.y;
                     float zj = subgroupShuffle(z, j), xj = subgroupShuffle(dzdx, j), yj = subgroupShuffle(dzdy, j);
                     uint key_j = subgroupShuffle(key, j);
-                    ivec2 at_lane = origin + block + lane_pixel;
                     bool cut_j = subgroupShuffle(cut, j) != 0u;
                     ivec2 low_j = subgroupShuffle(low, j), high_j = subgroupShuffle(high, j);
-                    [[unroll]] for (uint s = 0u; s < STEPS; s++) {
-                        ivec2 step = ivec2(tile_pixel(s * WIDTH));
+                    uint left = subgroupShuffle(patches, j);
+                    do {
+                        uint i = uint(findLSB(left)) * WIDTH;
+                        left &= left - 1u;
+                        ivec2 step = ivec2(tile_pixel(i));
                         ivec3 e = start + dx * step.x + dy * step.y;
                         bool wins = (e.x | e.y | e.z) >= 0;
-                        if (cut_j) {
-                            ivec2 p = block + lane_pixel + step;
-                            wins = wins && all(greaterThanEqual(p, low_j)) && all(lessThanEqual(p, high_j));
+                        ivec2 p = block + lane_pixel + step;
+                        if (cut_j) wins = wins && all(greaterThanEqual(p, low_j)) && all(lessThanEqual(p, high_j));
+                        if (subgroupBallot(wins) == uvec4(0u)) continue;
+                        float zp = depth_at(zj, xj, yj, origin + p);
+                        uint held = b * BLOCK + i + lane;
+                        if (wins && beats(zp, key_j, s_depth[held], s_key[held])) {
+                            s_depth[held] = zp;
+                            s_key[held] = key_j;
                         }
-                        float zp = depth_at(zj, xj, yj, at_lane + step);
-                        uint i = b * STEPS + s;
-                        wins = wins && beats(zp, key_j, held_z[i], held_key[i]);
-                        held_z[i] = wins ? zp : held_z[i];
-                        held_key[i] = wins ? key_j : held_key[i];
-                    }
+                    } while (left != 0u);
                 } while (mask != uvec4(0u));
-                float far_z = held_z[b * STEPS];
-                [[unroll]] for (uint s = 1u; s < STEPS; s++) {
-                    far_z = GREATER ? min(far_z, held_z[b * STEPS + s]) : max(far_z, held_z[b * STEPS + s]);
-                }
-                farthest[b] = GREATER ? subgroupMin(far_z) : subgroupMax(far_z);
+                farthest[b] = farthest_of(b);
             }
         }
     }
 
     uint shown = 0u;
-    [[unroll]] for (uint i = 0u; i < BLOCKS * STEPS; i++) {
-        uint pixel = bin * BIN_PIXELS + i * WIDTH + lane;
-        visibility[pixel] = held_key[i];
-        depth[pixel] = held_z[i];
-        if (held_key[i] != 0u && batch.fragment_kernels > 1u) {
-            uint piece = triangles[key_triangle(held_key[i], batch.extra_first)].piece;
+    [[dont_unroll]] for (uint i = lane; i < BIN_PIXELS; i += WIDTH) {
+        uint key = s_key[i];
+        visibility[bin * BIN_PIXELS + i] = key;
+        if (key == 0u) continue;
+        uvec2 p = uvec2(local_origin) + tile_pixel(i);
+        depth[p.y * batch.width + p.x] = s_depth[i];
+        if (batch.fragment_kernels > 1u) {
+            uint piece = triangles[key_triangle(key, batch.extra_first)].piece;
             shown |= 1u << pieces[piece].fragment_kernel;
+        } else {
+            shown = 1u;
         }
-        shown |= held_key[i] != 0u && batch.fragment_kernels == 1u ? 1u : 0u;
     }
     shown = subgroupOr(shown);
     while (shown != 0u) {

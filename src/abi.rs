@@ -40,15 +40,14 @@ pub const KEY_LOG2: u32 = 3;
 pub const MAX_FRAGMENT_KERNELS: u32 = 32;
 /// Invocations of a workgroup where nothing else decides.
 pub const GROUP: u32 = 64;
+/// Pixels that one invocation of the clear fills: a workgroup costs more than a few stores.
+pub const CLEAR_PIXELS: u32 = 16;
 /// Specialization constant: the subgroup width, also the workgroup size of subgroup-wide kernels.
 pub const SPEC_WIDTH: u32 = 65536;
 /// Specialization constant: the depth comparison.
 pub const SPEC_COMPARE: u32 = 65537;
 /// Specialization constant: the colour format.
 pub const SPEC_FORMAT: u32 = 65538;
-
-/// Specialization constant: workgroup size where quads are shaded, at least the subgroup width.
-pub const SPEC_GROUP: u32 = 65539;
 /// Specialization constant: when the depth test happens, one of `DEPTH_*`.
 pub const SPEC_DEPTH: u32 = 65540;
 /// Depth test before the shader, write after it unless it discards.
@@ -138,9 +137,7 @@ pub struct Batch {
 pub struct Clear {
     /// Linear RGBA.
     pub color: [f32; 4],
-    /// Depth.
-    pub depth: f32,
-    /// Pixels of the working buffers.
+    /// Pixels of the band.
     pub pixels: u32,
 }
 

@@ -92,6 +92,18 @@ impl Image {
     }
 }
 
+/// The texel that a linear RGBA value becomes in an 8-bit format; `None` for other formats.
+pub fn texel_rgba8(format: Format, linear: [f32; 4]) -> Option<[u8; 4]> {
+    let [r, g, b, a] = linear;
+    match format {
+        Format::Rgba8Unorm => Some(linear.map(to_unorm8)),
+        Format::Rgba8Srgb => {
+            Some([r, g, b].map(srgb_encoded)).map(|[r, g, b]| [r, g, b, a].map(to_unorm8))
+        }
+        _ => None,
+    }
+}
+
 /// A half float's value; exact, because every half is a float.
 pub fn half_to_f32(half: u16) -> f32 {
     let sign = if half & 0x8000 == 0 { 1.0 } else { -1.0 };

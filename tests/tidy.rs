@@ -15,6 +15,7 @@ const NOT_STAGES: &[(&str, &str)] = &[
     ("mod", "the order of the stages"),
     ("frame", "the buffers of a pass and its recording"),
     ("kernels", "the kernels of a pipeline, made once"),
+    ("target", "the targets of a band"),
     ("slots", "the table slots of a draw's resources"),
     ("trace", "the intermediates of a frame, brought home"),
 ];
@@ -24,7 +25,6 @@ const WITHOUT_REFERENCE: &[(&str, &str)] = &[
     ("vertex", "runs the user's shader: the reference takes the positions that it wrote"),
     ("shade", "runs the user's shader: its colours are compared with the classic pipeline's"),
     ("ordered", "runs the user's shader: its colours are compared with the classic pipeline's"),
-    ("resolve", "only moves pixels: every comparison of pictures is one of its result"),
 ];
 
 struct File {

@@ -1,25 +1,44 @@
-//! Records the clear of a band's working buffers.
+//! Records the clear of a band's targets.
 //!
-//! Reads: nothing. Writes: colour, depth. Contract and kernel: `glsl/clear.comp`.
+//! Reads: nothing. Writes: colour, depth. Contract and kernel: `glsl/clear.comp`, which is needed only
+//! where a colour is no repetition of one word; the device fills the rest by itself.
 
-use super::frame::Buffers;
+use super::target::Target;
 use crate::{
     abi::{self, Clear},
     error::Result,
-    grid,
+    format::Format,
+    grid, image,
     vk::{Kernel, Recorder},
 };
 
+/// What a pass clears its targets to.
+#[derive(Clone, Copy, Debug)]
+pub struct Values {
+    /// Linear RGBA.
+    pub color: [f32; 4],
+    /// Depth.
+    pub depth: f32,
+}
+
 pub fn record(
     recorder: &mut Recorder,
-    buffers: &Buffers,
     kernel: &Kernel,
-    clear: &Clear,
+    target: &Target,
+    format: Format,
+    values: Values,
 ) -> Result<()> {
-    recorder
-        .kernel(kernel)
-        .bind("Color", &buffers.color)
-        .bind("Depth", &buffers.depth)
-        .push(clear)
-        .dispatch(grid::groups(clear.pixels, abi::GROUP))
+    recorder.group(|recorder| {
+        recorder.fill(&target.depth, values.depth.to_bits())?;
+        if let Some(texel) = image::texel_rgba8(format, values.color) {
+            return recorder.fill(&target.color, u32::from_le_bytes(texel));
+        }
+        let pixels = target.depth.len() as u32;
+        let lanes = abi::GROUP * abi::CLEAR_PIXELS;
+        recorder
+            .kernel(kernel)
+            .bind("Color", &target.color)
+            .push(&Clear { color: values.color, pixels })
+            .dispatch(grid::groups(pixels, lanes))
+    })
 }

@@ -1,11 +1,11 @@
 //! The buffers of a frame, and the recording that fills them.
 
 use super::{
-    Renderer, binning, clear, kernels::color_format, ordered, primitive, raster, resolve, shade,
-    vertex,
+    Renderer, binning, clear, kernels::color_format, ordered, primitive, raster, shade,
+    target::Target, vertex,
 };
 use crate::{
-    abi::{self, Attribute, Batch, Clear, Piece, Triangle},
+    abi::{Attribute, Batch, Piece, Triangle},
     error::Result,
     format::Format,
     grid::{Capacities, Grid},
@@ -28,8 +28,6 @@ use crate::{
 /// | `bins`, `bin_args` | non-empty bin; dispatch over them | scan | raster, ordered |
 /// | `visibility` | key a pixel shows | raster, ordered | shade |
 /// | `shade_bins`, `shade_args` | bin of a fragment kernel; dispatch over them | raster | shade |
-/// | `depth`, `color` | pixel, bin by bin | raster, ordered; shade, ordered | resolve |
-/// | `depth_rows`, `color_rows` | pixel of the band, row by row | resolve | the host |
 pub struct Buffers {
     pub attributes: Buffer<Attribute>,
     pub runs: Buffer<u32>,
@@ -46,10 +44,6 @@ pub struct Buffers {
     pub shade_args: Buffer<[u32; 3]>,
     pub shade_args_start: Buffer<[u32; 3]>,
     pub shade_bins: Buffer<u32>,
-    pub depth: Buffer<f32>,
-    pub color: Buffer<u32>,
-    pub depth_rows: Buffer<u32>,
-    pub color_rows: Buffer<u32>,
 }
 
 /// The kernels a plan needs, by the plan's own numbers.
@@ -58,8 +52,6 @@ struct PlanKernels {
     /// For each batch the kernel of each of its fragment kernels.
     fragment: Vec<Vec<Kernel>>,
     raster: Vec<Option<Kernel>>,
-    clear: Kernel,
-    resolve: Kernel,
 }
 
 /// Everything that is known before recording.
@@ -67,10 +59,11 @@ pub struct Setup {
     gpu: Gpu,
     extent: Extent,
     format: Format,
-    clear: Clear,
+    clear: clear::Values,
     has_depth: bool,
     table: ResourceTable,
     buffers: Buffers,
+    targets: Vec<Target>,
     kernels: PlanKernels,
     pub bands: Vec<Grid>,
     capacities: Capacities,
@@ -79,6 +72,7 @@ pub struct Setup {
 /// What a stage's recorder gets to see.
 pub struct Stage<'a> {
     pub buffers: &'a Buffers,
+    pub target: &'a Target,
     pub pieces: &'a Buffer<Piece>,
     pub table: &'a ResourceTable,
     /// The push constants of the batch, less what single dispatches add.
@@ -91,10 +85,13 @@ pub struct Stage<'a> {
 /// whatever the size of the target.
 pub struct Prepared {
     recordings: Vec<Recording>,
+    /// Bring the targets home, where the host does not see them as they are. Not part of the
+    /// recordings, so that their time does not include it.
+    copies: Vec<Recording>,
     extent: Extent,
     format: Format,
-    color: Vec<Buffer<u32>>,
-    depth: Option<Vec<Buffer<u32>>>,
+    has_depth: bool,
+    targets: Vec<Target>,
 }
 
 impl Prepared {
@@ -115,18 +112,30 @@ impl Prepared {
     /// The targets after the last [`Prepared::execute`].
     ///
     /// # Errors
-    /// None once the pass has run.
-    pub fn read(&self) -> Result<Frame> {
-        let image = |bands: &[Buffer<u32>], format| {
-            let mut bytes = Vec::with_capacity(self.extent.pixels() * Format::texel_bytes(format));
-            for band in bands {
-                bytes.extend_from_slice(bytemuck::cast_slice(&band.read()?));
-            }
-            Ok(Image { extent: self.extent, format, bytes })
-        };
-        let depth = self.depth.as_ref().map(|bands| image(bands, Format::D32Float)).transpose()?;
-        Ok(Frame { color: image(&self.color, self.format)?, depth })
+    /// As [`Prepared::execute`].
+    pub fn read(&mut self) -> Result<Frame> {
+        for copies in &mut self.copies {
+            copies.run()?;
+        }
+        read(self.extent, self.format, self.has_depth, &self.targets)
     }
+}
+
+/// The frame whose bands lie in `targets`.
+pub fn read(extent: Extent, format: Format, has_depth: bool, targets: &[Target]) -> Result<Frame> {
+    let (mut color, mut depth) = (Vec::new(), Vec::new());
+    color.reserve_exact(extent.pixels() * format.texel_bytes());
+    for target in targets {
+        color.extend_from_slice(bytemuck::cast_slice(&target.host_color.read()?));
+        if has_depth {
+            depth.extend_from_slice(bytemuck::cast_slice(&target.host_depth.read()?));
+        }
+    }
+    let image = |bytes, format| Image { extent, format, bytes };
+    Ok(Frame {
+        color: image(color, format),
+        depth: has_depth.then(|| image(depth, Format::D32Float)),
+    })
 }
 
 impl Setup {
@@ -142,15 +151,12 @@ impl Setup {
         let band = bands[0];
         let capacities = plan.capacities();
         let format = color_format(pass.color.format);
-        let words = pass.color.format.texel_bytes() / 4;
         let pixels = band.padded_pixels();
         let fragment_kernels =
             plan.batches.iter().map(|b| b.fragment_kernels.len()).max().unwrap_or(1);
-        let lanes = renderer.kernels.shade_lanes();
-        let shade_groups = abi::BIN_PIXELS / lanes;
         let device = Memory::Device;
         let words_of = |name: &str, len: usize| Buffer::<u32>::new(gpu, name, len.max(1), device);
-        let start = vec![[0, shade_groups, 1]; fragment_kernels];
+        let start = vec![[0, 1, 1]; fragment_kernels];
         let buffers = Buffers {
             attributes: upload(gpu, "attributes", &plan.attributes)?,
             runs: upload(gpu, "runs", &plan.runs)?,
@@ -167,10 +173,6 @@ impl Setup {
             shade_args: Buffer::new(gpu, "shade arguments", fragment_kernels, device)?,
             shade_args_start: Buffer::upload(gpu, "first shade arguments", &start)?,
             shade_bins: words_of("shade bins", fragment_kernels * band.bins() as usize)?,
-            depth: Buffer::new(gpu, "depth", pixels, device)?,
-            color: words_of("color", pixels * words)?,
-            depth_rows: words_of("depth rows", band.extent.pixels())?,
-            color_rows: words_of("color rows", band.extent.pixels() * words)?,
         };
         let kernels = &mut renderer.kernels;
         let vertex = plan.vertex_kernels.iter().map(|key| kernels.vertex(key));
@@ -192,21 +194,18 @@ impl Setup {
             gpu: gpu.clone(),
             extent: pass.extent,
             format: pass.color.format,
-            clear: Clear {
+            clear: clear::Values {
                 color: pass.color.clear,
                 depth: pass.depth.map_or(1.0, |d| d.clear),
-                pixels: 0,
             },
             has_depth: pass.depth.is_some(),
             table,
             buffers,
-            kernels: PlanKernels {
-                vertex,
-                fragment,
-                raster,
-                clear: kernels.clear(format)?,
-                resolve: kernels.resolve(format)?,
-            },
+            targets: bands
+                .iter()
+                .map(|band| Target::new(gpu, band, pass.color.format))
+                .collect::<Result<_>>()?,
+            kernels: PlanKernels { vertex, fragment, raster },
             bands,
             capacities,
         })
@@ -214,37 +213,40 @@ impl Setup {
 
     /// Records the whole pass.
     pub fn record(self, renderer: &Renderer, plan: &Plan) -> Result<Prepared> {
-        let (mut recordings, mut color, mut depth) = (Vec::new(), Vec::new(), Vec::new());
-        for (n, band) in self.bands.iter().enumerate() {
+        let (mut recordings, mut copies) = (Vec::new(), Vec::new());
+        for (n, (band, target)) in self.bands.iter().zip(&self.targets).enumerate() {
             let mut recorder = Recorder::new(&self.gpu, "compute pass")?;
             if renderer.timed {
                 recorder.time_stages();
             }
             let pieces = self.pieces(band, plan)?;
-            self.clear(&mut recorder, band)?;
+            self.clear(renderer, &mut recorder, target)?;
             for (b, batch) in plan.batches.iter().enumerate() {
                 // A single batch leaves its vertices in place for all bands.
                 let vertices = n == 0 || plan.batches.len() > 1;
-                self.batch(renderer, &mut recorder, band, &pieces, (b, batch), vertices)?;
+                self.batch(renderer, &mut recorder, (band, target), &pieces, (b, batch), vertices)?;
             }
-            let (c, d) = self.resolve(&mut recorder, band, &pieces)?;
-            color.push(c);
-            depth.push(d);
             recordings.push(recorder.finish()?);
+            copies.extend(target.copies(&self.gpu)?);
         }
         Ok(Prepared {
             recordings,
+            copies,
             extent: self.extent,
             format: self.format,
-            color,
-            depth: self.has_depth.then_some(depth),
+            has_depth: self.has_depth,
+            targets: self.targets,
         })
     }
 
     /// Fills colour and depth of the band with the clear values.
-    pub fn clear(&self, recorder: &mut Recorder, band: &Grid) -> Result<()> {
-        let clear = Clear { pixels: band.padded_pixels() as u32, ..self.clear };
-        clear::record(recorder, &self.buffers, &self.kernels.clear, &clear)
+    pub fn clear(
+        &self,
+        renderer: &Renderer,
+        recorder: &mut Recorder,
+        target: &Target,
+    ) -> Result<()> {
+        clear::record(recorder, &renderer.kernels.clear, target, self.format, self.clear)
     }
 
     /// The pieces as the band sees them: their rectangles cut to its rows.
@@ -268,13 +270,14 @@ impl Setup {
         &self,
         renderer: &Renderer,
         recorder: &mut Recorder,
-        band: &Grid,
+        (band, target): (&Grid, &Target),
         pieces: &Buffer<Piece>,
         (number, batch): (usize, &BatchPlan),
         vertices: bool,
     ) -> Result<()> {
         let stage = Stage {
             buffers: &self.buffers,
+            target,
             pieces,
             table: &self.table,
             push: self.push(band, batch),
@@ -313,35 +316,24 @@ impl Setup {
         self.capacities.primitives
     }
 
-    /// Records the way from bins to rows, and on to the host.
-    pub fn resolve(
-        &self,
-        recorder: &mut Recorder,
-        band: &Grid,
-        pieces: &Buffer<Piece>,
-    ) -> Result<(Buffer<u32>, Buffer<u32>)> {
-        let stage =
-            Stage { buffers: &self.buffers, pieces, table: &self.table, push: band_push(band) };
-        resolve::record(recorder, &stage, &self.kernels.resolve)?;
-        let pixels = band.extent.pixels();
-        let words = self.format.texel_bytes() / 4;
-        let color = self.buffers.color_rows.slice(0..pixels * words)?;
-        let depth = self.buffers.depth_rows.slice(0..pixels)?;
-        recorder.group(|r| Ok((r.download(&color)?, r.download(&depth)?)))
-    }
-
     /// The device and the buffers.
     pub fn parts(&self) -> (&Gpu, &Buffers) {
         (&self.gpu, &self.buffers)
     }
 
-    /// Assembles the frame of bands that were run one by one.
-    pub fn frame(&self, color: Vec<u8>, depth: Vec<u8>) -> Frame {
-        let image = |bytes, format| Image { extent: self.extent, format, bytes };
-        Frame {
-            color: image(color, self.format),
-            depth: self.has_depth.then(|| image(depth, Format::D32Float)),
+    /// The frame, once all bands have run.
+    pub fn read(&self) -> Result<Frame> {
+        for target in &self.targets {
+            if let Some(mut copies) = target.copies(&self.gpu)? {
+                copies.run()?;
+            }
         }
+        read(self.extent, self.format, self.has_depth, &self.targets)
+    }
+
+    /// The target of each band.
+    pub fn targets(&self) -> &[Target] {
+        &self.targets
     }
 }
 

@@ -24,13 +24,12 @@ pub struct Kernels {
     gpu: Gpu,
     /// The subgroup width that kernels are made for.
     width: u32,
+    pub clear: Kernel,
     pub primitive: Kernel,
     pub scan: Kernel,
     pub scatter: Kernel,
     pub sort: Kernel,
     raster: Vec<(Compare, Kernel)>,
-    clear: Vec<(u32, Kernel)>,
-    resolve: Vec<(u32, Kernel)>,
     spliced: Vec<(Variant, KernelKey, Kernel)>,
 }
 
@@ -51,21 +50,15 @@ impl Kernels {
         let wide = |name, spirv| wide(gpu, name, spirv, width, &[]);
         Ok(Self {
             width,
+            clear: plain("clear", kernels::CLEAR)?,
             primitive: plain("primitive", kernels::PRIMITIVE)?,
             scan: wide("binning_scan", kernels::BINNING_SCAN)?,
             scatter: plain("binning_scatter", kernels::BINNING_SCATTER)?,
             sort: wide("binning_sort", kernels::BINNING_SORT)?,
             raster: Vec::new(),
-            clear: Vec::new(),
-            resolve: Vec::new(),
             spliced: Vec::new(),
             gpu: gpu.clone(),
         })
-    }
-
-    /// The workgroup that shades quads: at least a quadrant of a bin, at least a subgroup.
-    pub fn shade_lanes(&self) -> u32 {
-        self.width.max(abi::GROUP)
     }
 
     pub fn raster(&mut self, compare: Compare) -> Result<Kernel> {
@@ -77,14 +70,6 @@ impl Kernels {
         let kernel = wide(&self.gpu, "raster", kernels::RASTER, self.width, &constants)?;
         self.raster.push((compare, kernel.clone()));
         Ok(kernel)
-    }
-
-    pub fn clear(&mut self, format: u32) -> Result<Kernel> {
-        per_format(&self.gpu, &mut self.clear, "clear", kernels::CLEAR, format)
-    }
-
-    pub fn resolve(&mut self, format: u32) -> Result<Kernel> {
-        per_format(&self.gpu, &mut self.resolve, "resolve", kernels::RESOLVE, format)
     }
 
     pub fn vertex(&mut self, key: &KernelKey) -> Result<Kernel> {
@@ -116,10 +101,10 @@ impl Kernels {
         };
         let spliced = splice(words, &key.shader, &options)?;
         let name = format!("{stage} {}", key.shader.label);
-        let (width, lanes) = (self.width, self.shade_lanes());
+        let width = self.width;
         let constants: &[(&str, u32)] = match variant {
             Variant::Vertex => &[],
-            Variant::Shade(format) => &[("LANES", lanes), ("FORMAT", format)],
+            Variant::Shade(format) => &[("WIDTH", width), ("FORMAT", format)],
             Variant::Ordered { format, depth } => {
                 &[("WIDTH", width), ("FORMAT", format), ("DEPTH", depth)]
             }
@@ -137,24 +122,6 @@ impl Kernels {
         self.spliced.push((variant, key.clone(), kernel.clone()));
         Ok(kernel)
     }
-}
-
-/// A kernel that differs by colour format, made at its first use.
-fn per_format(
-    gpu: &Gpu,
-    made: &mut Vec<(u32, Kernel)>,
-    name: &str,
-    spirv: &[u32],
-    format: u32,
-) -> Result<Kernel> {
-    if let Some((_, kernel)) = made.iter().find(|(known, _)| *known == format) {
-        return Ok(kernel.clone());
-    }
-    let constants = [("FORMAT", format)];
-    let kernel =
-        Kernel::new(gpu, &KernelInfo { name, spirv, constants: &constants, ..Default::default() })?;
-    made.push((format, kernel.clone()));
-    Ok(kernel)
 }
 
 /// A kernel whose workgroup is one subgroup.

@@ -10,7 +10,6 @@
 //! binning    scan of the counts, scatter of the keys, sort where order matters
 //! raster     which triangle each pixel shows (opaque work)      | ordered  raster, shading and
 //! shade      the user's fragment shader for what is visible     |          blending in API order
-//! resolve    from bins to rows, once per band
 //! ```
 //!
 //! [`Renderer::prepare`] plans a pass, makes its kernels and records everything into one submission;
@@ -24,9 +23,9 @@ mod kernels;
 mod ordered;
 mod primitive;
 mod raster;
-mod resolve;
 mod shade;
 mod slots;
+mod target;
 mod trace;
 mod vertex;
 

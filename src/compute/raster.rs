@@ -19,7 +19,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("Entries", &b.entries)
         .bind("Triangles", &b.triangles)
         .bind("Pieces", stage.pieces)
-        .bind("Depth", &b.depth)
+        .bind("Depth", &stage.target.depth)
         .bind("Visibility", &b.visibility)
         .bind("ShadeArgs", &b.shade_args)
         .bind("ShadeBins", &b.shade_bins)

@@ -24,7 +24,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernels: &[Kernel]) -> Res
                 .bind("ResourceSlots", &b.resource_slots)
                 .bind("ShadeBins", &b.shade_bins)
                 .bind("Visibility", &b.visibility)
-                .bind("Color", &b.color)
+                .bind("Color", &stage.target.color)
                 .table(stage.table)
                 .push(&push)
                 .dispatch_indirect(&b.shade_args, 12 * number as u64)?;

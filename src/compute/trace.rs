@@ -20,24 +20,30 @@ impl Setup {
         buffers: HashMap<u32, Arc<Buffer>>,
     ) -> Result<(Frame, Trace)> {
         let mut trace = Trace { buffers, ..Trace::default() };
-        let (mut color, mut depth) = (Vec::new(), Vec::new());
-        for band in &self.bands {
+        for (band, target) in self.bands.iter().zip(self.targets()) {
             let pieces = self.pieces(band, plan)?;
             let (gpu, buffers) = self.parts();
             let mut recorder = Recorder::new(gpu, "clear")?;
-            self.clear(&mut recorder, band)?;
+            self.clear(renderer, &mut recorder, target)?;
             recorder.submit()?;
             for (number, batch) in plan.batches.iter().enumerate() {
                 let mut recorder = Recorder::new(gpu, "traced batch")?;
-                let depth_before = recorder.download(&buffers.depth)?;
+                let depth_before = recorder.download(&target.depth)?;
                 recorder.fill(&buffers.visibility, 0)?;
-                self.batch(renderer, &mut recorder, band, &pieces, (number, batch), true)?;
+                self.batch(
+                    renderer,
+                    &mut recorder,
+                    (band, target),
+                    &pieces,
+                    (number, batch),
+                    true,
+                )?;
                 let positions = recorder.download(&buffers.positions)?;
                 let triangles = recorder.download(&buffers.triangles)?;
                 let ends = recorder.download(&buffers.cell_ends)?;
                 let entries = recorder.download(&buffers.entries)?;
                 let visibility = recorder.download(&buffers.visibility)?;
-                let depth = recorder.download(&buffers.depth)?;
+                let depth = recorder.download(&target.depth)?;
                 recorder.submit()?;
                 let first = batch.piece_first as usize;
                 let last = first + batch.piece_count as usize;
@@ -50,17 +56,12 @@ impl Setup {
                     triangles: parts(&triangles.read()?, batch.primitives, self.extra_first()),
                     cells: lists(&ends.read()?[..band.cells as usize], &entries.read()?),
                     visibility: rows(band, &visibility.read()?),
-                    depth_before: rows(band, &depth_before.read()?),
-                    depth: rows(band, &depth.read()?),
+                    depth_before: depth_before.read()?,
+                    depth: depth.read()?,
                 });
             }
-            let mut recorder = Recorder::new(gpu, "resolve")?;
-            let (c, d) = self.resolve(&mut recorder, band, &pieces)?;
-            recorder.submit()?;
-            color.extend_from_slice(bytemuck::cast_slice(&c.read()?));
-            depth.extend_from_slice(bytemuck::cast_slice(&d.read()?));
         }
-        Ok((self.frame(color, depth), trace))
+        Ok((self.read()?, trace))
     }
 }
 

@@ -240,6 +240,11 @@ impl Gpu {
         self.0.graphics
     }
 
+    /// Whether the host sees the device's memory, so that a copy for it would be a waste.
+    pub fn has_unified_memory(&self) -> bool {
+        self.0.unified_memory
+    }
+
     /// Whether compute kernels may use derivative instructions (`VK_KHR_compute_shader_derivatives`).
     pub fn has_compute_derivatives(&self) -> bool {
         self.0.derivatives

@@ -1,0 +1,52 @@
+//! The targets of one band: colour and depth in rows, where kernels read and write them and where the
+//! host finds them.
+//!
+//! Kernels work on the target's own rows. Working bin by bin between a clear and a resolve of all
+//! pixels was the arrangement before; on lavapipe those two passes alone took longer than the
+//! device's own pipeline for a whole simple picture, and bins in memory bought nothing in return.
+
+use crate::{
+    error::Result,
+    format::Format,
+    grid::Grid,
+    vk::{Buffer, Gpu, Memory, Recorder, Recording},
+};
+
+/// Colour and depth of one band, row by row.
+pub struct Target {
+    /// Words of pixels.
+    pub color: Buffer<u32>,
+    /// Depth of pixels.
+    pub depth: Buffer<f32>,
+    /// What the host reads; the same memory where it sees the device's.
+    pub host_color: Buffer<u32>,
+    /// See `host_color`.
+    pub host_depth: Buffer<f32>,
+}
+
+impl Target {
+    pub fn new(gpu: &Gpu, band: &Grid, format: Format) -> Result<Self> {
+        let pixels = band.extent.pixels();
+        let words = pixels * format.texel_bytes() / 4;
+        let host_color = Buffer::new(gpu, "color", words, Memory::Readback)?;
+        let host_depth = Buffer::new(gpu, "depth", pixels, Memory::Readback)?;
+        let (color, depth) = if gpu.has_unified_memory() {
+            (host_color.clone(), host_depth.clone())
+        } else {
+            let memory = Memory::Device;
+            (Buffer::new(gpu, "color", words, memory)?, Buffer::new(gpu, "depth", pixels, memory)?)
+        };
+        Ok(Self { color, depth, host_color, host_depth })
+    }
+
+    /// Brings the target to the host, where that takes anything.
+    pub fn copies(&self, gpu: &Gpu) -> Result<Option<Recording>> {
+        if gpu.has_unified_memory() {
+            return Ok(None);
+        }
+        let mut recorder = Recorder::new(gpu, "copy of the targets")?;
+        recorder.copy(&self.color, &self.host_color)?;
+        recorder.copy(&self.depth, &self.host_depth)?;
+        recorder.finish().map(Some)
+    }
+}
