@@ -81,7 +81,7 @@ impl Image {
                     .enumerate()
                     .map(|(i, half)| {
                         let linear = half_to_f32(u16::from_ne_bytes([half[0], half[1]]));
-                        if i % 4 == 3 { to_unorm8(linear) } else { to_unorm8(srgb_encoded(linear)) }
+                        to_unorm8(if i % 4 == 3 { linear } else { linear_to_srgb(linear) })
                     })
                     .collect(),
             )),
@@ -105,11 +105,18 @@ pub fn half_to_f32(half: u16) -> f32 {
     }
 }
 
-fn srgb_encoded(linear: f32) -> f32 {
-    let linear = f64::from(linear.clamp(0.0, 1.0));
-    let encoded =
-        if linear <= 0.0031308 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    encoded as f32
+/// The sRGB transfer function (IEC 61966-2-1), from the encoded value to light; both in 0..=1.
+pub fn srgb_to_linear(encoded: f32) -> f32 {
+    let v = f64::from(encoded);
+    (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), from light to the encoded value; both in 0..=1.
+///
+/// Computed in double precision, so that rounding to 8 bits afterwards is the only rounding to see.
+pub fn linear_to_srgb(linear: f32) -> f32 {
+    let v = f64::from(linear);
+    (if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }) as f32
 }
 
 /// Rounds to the nearest of 0..=255; not-a-number becomes 0, as the specification of UNORM says.

@@ -6,8 +6,9 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
+    image::srgb_to_linear,
     pass::Pass,
-    scene::{Camera, LoadOptions, PassOptions, Projection, Scene, srgb_to_linear},
+    scene::{Camera, LoadOptions, PassOptions, Projection, Scene},
 };
 
 /// Vertical field of view of a camera that is given by `--eye` and `--target`, in degrees.
