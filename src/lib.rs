@@ -49,6 +49,7 @@
 pub mod abi;
 mod cache;
 pub mod classic;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod compare;
 pub mod compute;
