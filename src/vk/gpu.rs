@@ -240,6 +240,12 @@ impl Gpu {
         self.0.graphics
     }
 
+    /// Whether fragment shaders of the device's own pipeline may read `gl_PrimitiveID`, which is part
+    /// of the feature `geometryShader`. Compute has it everywhere.
+    pub fn has_primitive_ids(&self) -> bool {
+        self.0.lacking.iter().all(|(lacking, _)| *lacking != Capability::Geometry)
+    }
+
     /// Whether compute kernels may use derivative instructions (`VK_KHR_compute_shader_derivatives`).
     pub fn has_compute_derivatives(&self) -> bool {
         self.0.derivatives

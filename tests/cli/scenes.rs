@@ -37,6 +37,20 @@ fn parity_shows_where_pictures_differ() {
 }
 
 #[test]
+fn parity_needs_a_device_that_names_its_triangles() {
+    let case = "parity needs a device that names its triangles";
+    let Some(gpu) = crate::common::swiftshader(case) else { return };
+    assert!(gpu.has_graphics() && !gpu.has_primitive_ids());
+    // Said before anything is read or drawn: the scene is not even one.
+    let line = ["parity", "builtin:no-such-scene", "--device", &gpu.info().uuid];
+    finish(command().args(line), Duration::from_secs(60)).expect(3).saying(&[
+        &gpu.info().name,
+        "gl_PrimitiveID",
+        "tilewright devices",
+    ]);
+}
+
+#[test]
 fn both_backends_draw_the_teapot() {
     let picture = |backend| {
         let line = ["render", "builtin:teapot", "--size", "96x64", "-o", "-", "--backend", backend];
