@@ -3,9 +3,9 @@
 //! Nothing here decides anything: values are parsed one by one, each with a message that says what
 //! is expected. What they mean together is the second layer's business ([`super::plan`]).
 
-use crate::image::Extent;
+use crate::{image::Extent, vk::GpuOptions};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -180,6 +180,20 @@ pub struct DeviceArgs {
     /// Refuse to run on anything but a driver for the host's processor
     #[arg(long)]
     pub require_cpu: bool,
+    /// Seconds that one piece of work on the device may take before it counts as lost
+    #[arg(long, value_name = "SECONDS", env = "TILEWRIGHT_TIMEOUT", hide_env_values = true,
+          default_value_t = Seconds(GpuOptions::TIMEOUT), value_parser = parse_timeout)]
+    pub timeout: Seconds,
+}
+
+/// A time as it is typed: in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seconds(pub Duration);
+
+impl std::fmt::Display for Seconds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.0.as_secs_f64())
+    }
 }
 
 /// What draws.
@@ -235,6 +249,14 @@ fn parse_time(text: &str) -> Result<f32, String> {
         .ok_or_else(|| "expected seconds, 0 or more, like 1.5".into())
 }
 
+fn parse_timeout(text: &str) -> Result<Seconds, String> {
+    let seconds = text.trim().parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    seconds
+        .filter(|time| !time.is_zero())
+        .map(Seconds)
+        .ok_or_else(|| "expected seconds, more than 0, like 600".into())
+}
+
 fn parse_finite(text: &str) -> Option<f32> {
     text.trim().parse().ok().filter(|number: &f32| number.is_finite())
 }
@@ -287,6 +309,10 @@ mod tests {
         }
         assert_eq!(parse_fov("60"), Ok(60.0));
         assert!(parse_fov("0").is_err() && parse_fov("180").is_err());
+        assert_eq!(parse_timeout("0.5"), Ok(Seconds(Duration::from_millis(500))));
+        for wrong in ["", "0", "-1", "nan", "inf", "1e300", "1m"] {
+            assert!(parse_timeout(wrong).is_err(), "{wrong}");
+        }
         assert!(parse_time("0").is_ok() && parse_time("-1").is_err() && parse_time("inf").is_err());
     }
 

@@ -43,14 +43,19 @@ pub struct GpuOptions {
     pub table: TableSizes,
 }
 
+impl GpuOptions {
+    /// How long a submission may take by default. A CPU driver compiles kernels at their first
+    /// dispatch, on a busy machine in tens of seconds.
+    pub const TIMEOUT: Duration = Duration::from_secs(120);
+}
+
 impl Default for GpuOptions {
     fn default() -> Self {
         Self {
             device: None,
             require: Require::Any,
             validation: false,
-            // A CPU driver compiles kernels at their first dispatch, on a busy machine in tens of seconds.
-            timeout: Duration::from_secs(120),
+            timeout: Self::TIMEOUT,
             cache: crate::cache::folder(),
             table: TableSizes::default(),
         }
