@@ -44,10 +44,15 @@ pub(super) fn compile(
 
 fn words(stage: ShaderStage, source: &str, file: Option<&Path>) -> Outcome<Vec<u32>> {
     let compiler = Compiler::acquire().ok_or("the GLSL compiler does not start")?;
+    // Without one, glslang takes the source for the first version there was, and complains of that.
+    let versioned = source.contains("#version");
     let source = ShaderSource::from(plain_ascii(source)?);
     let mut beside = file.map(Beside::new);
     let includes = beside.as_mut().map(|handler| handler as &mut dyn IncludeHandler);
-    to_spirv(compiler, stage, &source, includes).map_err(message)
+    to_spirv(compiler, stage, &source, includes).map_err(|error| match versioned {
+        true => message(error),
+        false => "there is no `#version` line: `#version 450` belongs at the top".into(),
+    })
 }
 
 /// The source as the compiler's bindings can take it. GLSL allows other characters than ASCII in
@@ -130,6 +135,7 @@ pub(super) mod tests {
         assert!(reason("#version 450\nvoid main() { \0 }").contains("line 2: a NUL"));
         assert!(reason("#version 450\nvoid main() { ä = 1; }").contains("line 2"));
         assert!(reason("").contains("bad.frag"));
+        assert!(reason("void main() {}").contains("#version 450"));
     }
 
     #[test]
