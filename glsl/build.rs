@@ -6,10 +6,7 @@
 //! * `layout.rs`: one assertion per field of `abi.rs` against the offsets that the compiler chose
 //!   for `abi.comp`.
 
-use glslang::{
-    Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage, SourceLanguage,
-    SpirvVersion, Target, VulkanVersion,
-};
+use glslang::{Compiler, ShaderSource, ShaderStage};
 use rspirv::{
     binary::Assemble,
     dr::{Module, Operand},
@@ -25,12 +22,15 @@ use std::{
 #[allow(dead_code)]
 #[path = "../src/abi.rs"]
 mod abi;
+#[path = "../src/shader/compiler.rs"]
+mod compiler;
 mod contraction;
 
 fn main() {
     let root = PathBuf::from("glsl");
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=src/abi.rs");
+    println!("cargo:rerun-if-changed=src/shader/compiler.rs");
     let constants = constants(&fs::read_to_string("src/abi.rs").expect("src/abi.rs is readable"));
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
 
@@ -138,26 +138,13 @@ fn compile(path: &Path, stage: ShaderStage, defines: &str) -> Vec<u32> {
     let version = text.find("#version ").expect("a shader has a version");
     let after = version + text[version..].find('\n').expect("a shader is more than a version") + 1;
     let text = format!("{}{defines}{}", &text[..after], &text[after..]);
-    let options = CompilerOptions {
-        source_language: SourceLanguage::GLSL,
-        // Vulkan 1.2, because SPIR-V 1.6 expresses the workgroup size by ids, which rspirv rejects.
-        target: Target::Vulkan {
-            version: VulkanVersion::Vulkan1_2,
-            spirv_version: SpirvVersion::SPIRV1_5,
-        },
-        version_profile: None,
-        ..Default::default()
-    };
     let compiler = Compiler::acquire().expect("glslang starts");
     let source = ShaderSource::from(text.as_str());
-    ShaderInput::new(&source, stage, &options, None, None)
-        .and_then(|input| compiler.create_shader(input))
-        .and_then(|shader| shader.compile())
-        .unwrap_or_else(|error| {
-            let numbered: String =
-                text.lines().enumerate().map(|(n, l)| format!("{:4} {l}\n", n + 1)).collect();
-            panic!("{}\n{numbered}\n{error}", path.display())
-        })
+    compiler::to_spirv(compiler, stage, &source, None).unwrap_or_else(|error| {
+        let numbered: String =
+            text.lines().enumerate().map(|(n, l)| format!("{:4} {l}\n", n + 1)).collect();
+        panic!("{}\n{numbered}\n{error}", path.display())
+    })
 }
 
 fn load(path: &Path, words: &[u32]) -> Module {

@@ -75,20 +75,42 @@ impl Image {
     pub fn display_rgba8(&self) -> Result<Cow<'_, [u8]>> {
         match self.format {
             Format::Rgba8Unorm | Format::Rgba8Srgb => Ok(Cow::Borrowed(&self.bytes)),
-            Format::Rgba16Float => Ok(Cow::Owned(
-                self.bytes
-                    .chunks_exact(2)
-                    .enumerate()
-                    .map(|(i, half)| {
-                        let linear = half_to_f32(u16::from_ne_bytes([half[0], half[1]]));
-                        if i % 4 == 3 { to_unorm8(linear) } else { to_unorm8(srgb_encoded(linear)) }
-                    })
-                    .collect(),
-            )),
+            Format::Rgba16Float => Ok(Cow::Owned(self.half_texels().flat_map(shown).collect())),
             Format::D32Float => {
                 Err(Error::Usage("a depth image cannot be shown as a picture".into()))
             }
         }
+    }
+
+    /// The picture with each colour divided by its alpha, as [`Format::Rgba8Srgb`].
+    ///
+    /// Blending over a target that was cleared to a translucent or transparent colour leaves colours
+    /// multiplied by their alpha, and files such as PNG hold them undivided: shown as they are, what
+    /// is translucent gets dark fringes. Where alpha is 0 there is no colour, and black stands.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] unless the format is [`Format::Rgba16Float`]: 8 bits of a product are too few
+    /// to find the factor.
+    pub fn unpremultiplied(&self) -> Result<Image> {
+        if self.format != Format::Rgba16Float {
+            return Err(Error::Usage(format!(
+                "only half floats are divided by their alpha, and the picture is {:?}",
+                self.format
+            )));
+        }
+        let divided = self.half_texels().flat_map(|[r, g, b, a]| match a {
+            0.0 => [0; 4],
+            _ => shown([r / a, g / a, b / a, a]),
+        });
+        Ok(Image { extent: self.extent, format: Format::Rgba8Srgb, bytes: divided.collect() })
+    }
+
+    /// The texels of [`Format::Rgba16Float`].
+    fn half_texels(&self) -> impl Iterator<Item = [f32; 4]> {
+        let half = |texel: &[u8], at: usize| {
+            half_to_f32(u16::from_ne_bytes([texel[2 * at], texel[2 * at + 1]]))
+        };
+        self.bytes.chunks_exact(8).map(move |texel| std::array::from_fn(|at| half(texel, at)))
     }
 }
 
@@ -117,11 +139,24 @@ pub fn half_to_f32(half: u16) -> f32 {
     }
 }
 
-fn srgb_encoded(linear: f32) -> f32 {
-    let linear = f64::from(linear.clamp(0.0, 1.0));
-    let encoded =
-        if linear <= 0.0031308 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    encoded as f32
+/// The sRGB transfer function (IEC 61966-2-1), from the encoded value to light; both in 0..=1.
+pub fn srgb_to_linear(encoded: f32) -> f32 {
+    let v = f64::from(encoded);
+    (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
+}
+
+/// The sRGB transfer function (IEC 61966-2-1), from light to the encoded value; both in 0..=1.
+///
+/// Computed in double precision, so that rounding to 8 bits afterwards is the only rounding to see.
+pub fn linear_to_srgb(linear: f32) -> f32 {
+    let v = f64::from(linear);
+    (if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }) as f32
+}
+
+/// A linear colour as a screen shows it.
+fn shown([r, g, b, a]: [f32; 4]) -> [u8; 4] {
+    let [r, g, b] = [r, g, b].map(linear_to_srgb);
+    [r, g, b, a].map(to_unorm8)
 }
 
 /// Rounds to the nearest of 0..=255; not-a-number becomes 0, as the specification of UNORM says.
@@ -156,5 +191,18 @@ mod tests {
         let halves: [u16; 4] = [0x3c00, 0x3800, 0x7e00, 0x3800]; // 1, 0.5, NaN, 0.5
         image.bytes = halves.iter().flat_map(|half| half.to_ne_bytes()).collect();
         assert_eq!(image.display_rgba8().unwrap().as_ref(), &[255, 188, 0, 128]);
+    }
+
+    #[test]
+    fn colours_are_divided_by_their_alpha_before_they_are_encoded() {
+        let mut image = Image::zeroed(Extent::new(3, 1), Format::Rgba16Float);
+        // Half of full light under alpha 0.5; opaque; nothing at all, with a trace of red.
+        let halves: [u16; 12] =
+            [0x3800, 0x3400, 0, 0x3800, 0x3c00, 0x3800, 0, 0x3c00, 0x0001, 0, 0, 0];
+        image.bytes = halves.iter().flat_map(|half| half.to_ne_bytes()).collect();
+        let straight = image.unpremultiplied().unwrap();
+        assert_eq!(straight.format, Format::Rgba8Srgb);
+        assert_eq!(straight.bytes, [255, 188, 0, 128, 255, 188, 0, 255, 0, 0, 0, 0]);
+        assert!(matches!(straight.unpremultiplied(), Err(Error::Usage(_))));
     }
 }

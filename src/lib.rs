@@ -33,6 +33,11 @@
 //! Dependencies point one way: `cli` to `scene` and `compare`, these to the vocabulary, the executors to
 //! the vocabulary and to `vk`. To follow a triangle, start at [`compute`] and read its stages in order.
 //!
+//! # Features
+//!
+//! `cli` (on by default) is the tool and what it needs; `glsl`, which it includes, compiles GLSL at run
+//! time. With neither, shaders are handed in as SPIR-V, and [`compare`] has no id pass.
+//!
 //! # Invariants, as things that are absent
 //!
 //! * No `unsafe` and no Vulkan type outside [`vk`] and [`classic`].
@@ -49,6 +54,7 @@
 pub mod abi;
 mod cache;
 pub mod classic;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod compare;
 pub mod compute;

@@ -206,9 +206,9 @@ pub struct Draw {
     pub instances: u32,
     /// First instance.
     pub first_instance: u32,
-    /// `None` is the whole target with depth 0..=1.
+    /// `None` is the whole target with depth 0..=1 ([`Draw::viewport_in`]).
     pub viewport: Option<Viewport>,
-    /// `None` is the whole target.
+    /// `None` is the whole target ([`Draw::scissor_in`]).
     pub scissor: Option<Rect>,
 }
 
@@ -229,6 +229,24 @@ impl Draw {
             viewport: None,
             scissor: None,
         }
+    }
+
+    /// The viewport of this draw in a target of `extent`.
+    pub fn viewport_in(&self, extent: Extent) -> Viewport {
+        self.viewport.unwrap_or(Viewport {
+            x: 0.0,
+            y: 0.0,
+            width: extent.width as f32,
+            height: extent.height as f32,
+            min_depth: 0.0,
+            max_depth: 1.0,
+        })
+    }
+
+    /// The scissor of this draw in a target of `extent`; it may reach over the target's border.
+    pub fn scissor_in(&self, extent: Extent) -> Rect {
+        let whole = Rect { x: 0, y: 0, width: extent.width, height: extent.height };
+        self.scissor.unwrap_or(whole)
     }
 }
 

@@ -10,13 +10,45 @@ use tilewright::{
     compare::{self, Difference, Drawn, Limits},
     compute,
     format::Format,
-    image::Extent,
+    image::{Extent, half_to_f32},
     pass::{Buffer, BufferRange, Draw, Executor, Pass, Pipeline},
     scene::{PassOptions, Scene},
     state::{Blend, BlendEquation, BlendFactor, BlendOp, Compare, Cull, DepthState, Topology},
     target::{ColorTarget, DepthTarget},
     vk::Gpu,
 };
+
+/// All that may remain between the two executors on lavapipe, measured on 25.0.7, with the reason.
+///
+/// | what | measured | allowed | why it is there |
+/// |---|---|---|---|
+/// | coverage, winner | 0 | 0 | fixed point decides the one; depths nearly equal by chance, the other |
+/// | colour over 1 of 255 | 0, but 1 pixel of the knot at 16384x256 | 0, 1 | interpolation leaves the last bits free, and shading a smooth metal magnifies them |
+/// | depth of the scenes | 6.6e-7 | 1e-6 | the vertices that clipping makes are rounded as each side likes; 0 without them |
+/// | 8-bit formats | 1 step | 1 | either may round to the neighbouring value |
+/// | 8-bit formats, blended | 2 steps | 2 | so may each layer, and lavapipe computes layers in 8 bits |
+/// | half float, blended | 0.5 steps | 0.5 | one unit in the last place of a half from 2 to 4, where subtracting leads |
+///
+/// Another device is held to the limits that `tilewright parity` has for all ([`Limits`]).
+mod remains {
+    use super::{Difference, Format, Gpu, Limits};
+
+    /// Steps of 1/255 in an 8-bit format.
+    pub const STEPS: f32 = 1.0;
+
+    /// Steps of 1/255 where several layers are blended.
+    pub fn blended_steps(format: Format) -> f32 {
+        if format == Format::Rgba16Float { 0.5 } else { 2.0 }
+    }
+
+    /// What a drawing of a scene may differ by, `colour_over_1` pixels of it in colour.
+    pub fn limits(gpu: &Gpu, found: &Difference, colour_over_1: u64) -> Limits {
+        if !gpu.info().name.contains("llvmpipe") {
+            return Limits::new(found.pixels, true);
+        }
+        Limits { coverage_differing: 0, winner_differing: 0, colour_over_1, depth_max: 1e-6 }
+    }
+}
 
 fn scene_pass(scene: &Scene, extent: Extent, format: Format) -> Pass {
     let camera = scene.default_camera(extent);
@@ -43,14 +75,15 @@ fn built_in_scenes() {
         let scene = Scene::builtin(name).expect("it is built in");
         let extent = Extent::new(320, 200);
         let found = differences(&gpu, &scene_pass(&scene, extent, Format::Rgba16Float));
-        // Whether triangles cross the border decides the limits; a camera may be inside.
-        let limits = Limits::new(found.pixels, name != "soup");
+        let limits = remains::limits(&gpu, &found, 0);
         assert!(limits.allow(&found), "{name}: {found:?} against {limits:?}");
-        // Lavapipe's encoding to sRGB is off by up to 2 of 255, and it blends 8-bit targets in 8
-        // bits: what its fixed function adds to the differences above.
+        // What the device's fixed function adds on the way into 8 bits.
         for format in [Format::Rgba8Srgb, Format::Rgba8Unorm] {
             let pass = scene_pass(&scene, extent, format);
-            assert_eq!(colours_over(&gpu, &pass, 3.0), 0, "{name}, {format:?}");
+            let blends = pass.pipelines.iter().any(|pipeline| pipeline.blend.is_some());
+            let allowed = if blends { remains::blended_steps(format) } else { remains::STEPS };
+            let steps = largest_step(&gpu, &pass);
+            assert!(steps <= allowed, "{name}, {format:?}: {steps} of 255, {allowed} at most");
         }
     }
 }
@@ -59,18 +92,18 @@ fn built_in_scenes() {
 fn sizes_that_are_no_multiple_of_a_bin_and_the_largest() {
     let gpu = gpu();
     let sizes = [
-        ("torus-knot", 1, 1),
-        ("torus-knot", 17, 13),
-        ("torus-knot", 1921, 1079),
-        ("torus-knot", 16384, 256),
+        ("torus-knot", 1, 1, 0),
+        ("torus-knot", 17, 13, 0),
+        ("torus-knot", 1921, 1079, 0),
+        ("torus-knot", 16384, 256, 1),
         // Several bands, and little to shade.
-        ("triangle", 8192, 8192),
+        ("triangle", 8192, 8192, 0),
     ];
-    for (name, width, height) in sizes {
+    for (name, width, height, colour_over_1) in sizes {
         let scene = Scene::builtin(name).expect("it is built in");
         let extent = Extent::new(width, height);
         let found = differences(&gpu, &scene_pass(&scene, extent, Format::Rgba16Float));
-        let limits = Limits::new(found.pixels, true);
+        let limits = remains::limits(&gpu, &found, colour_over_1);
         assert!(limits.allow(&found), "{extent}: {found:?} against {limits:?}");
     }
 }
@@ -95,31 +128,21 @@ fn overlapping(pipeline: &Pipeline, format: Format, seed: u64) -> Pass {
     }
 }
 
-/// Pixels of which a channel of the two executors' colours differs by more than `steps` of 255.
-fn colours_over(gpu: &Gpu, pass: &Pass, steps: f32) -> usize {
+/// The largest difference of a channel between the two executors' colours, in steps of 1/255.
+fn largest_step(gpu: &Gpu, pass: &Pass) -> f32 {
     let a = compute::Renderer::new(gpu).unwrap().render(pass).unwrap();
     let b = classic::Renderer::new(gpu).unwrap().render(pass).unwrap();
-    let texel = pass.color.format.texel_bytes();
-    let channel = |bytes: &[u8]| -> Vec<f32> {
-        match texel {
-            8 => bytes.chunks(2).map(|h| half(u16::from_le_bytes([h[0], h[1]])) * 255.0).collect(),
+    let channels = |bytes: &[u8]| -> Vec<f32> {
+        match pass.color.format {
+            Format::Rgba16Float => bytes
+                .chunks(2)
+                .map(|h| half_to_f32(u16::from_le_bytes([h[0], h[1]])) * 255.0)
+                .collect(),
             _ => bytes.iter().map(|&b| f32::from(b)).collect(),
         }
     };
-    let differs = |(a, b): (&[u8], &[u8])| {
-        channel(a).iter().zip(channel(b)).any(|(a, b)| (a - b).abs() > steps)
-    };
-    a.color.bytes.chunks(texel).zip(b.color.bytes.chunks(texel)).filter(|&p| differs(p)).count()
-}
-
-/// A half float's value.
-fn half(bits: u16) -> f32 {
-    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
-    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f32::from(bits & 1023) / 1024.0);
-    sign * match exponent {
-        0 => fraction * 2f32.powi(-14),
-        e => (1.0 + fraction) * 2f32.powi(e - 15),
-    }
+    let (a, b) = (channels(&a.color.bytes), channels(&b.color.bytes));
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
 #[test]
@@ -153,9 +176,11 @@ fn every_blend_equation_in_api_order() {
         };
         for format in [Format::Rgba8Unorm, Format::Rgba16Float] {
             let pass = overlapping(&pipeline, format, n as u64);
-            // A layer may round to the neighbouring value, and up to 20 of them lie on each other.
-            let over = colours_over(&gpu, &pass, 4.0);
-            assert_eq!(over, 0, "{color:?}, {alpha:?}, {format:?}: pixels over 4 of 255");
+            let (steps, allowed) = (largest_step(&gpu, &pass), remains::blended_steps(format));
+            assert!(
+                steps <= allowed,
+                "{color:?}, {alpha:?}, {format:?}: {steps} of 255, {allowed} at most"
+            );
         }
     }
 }
@@ -184,8 +209,8 @@ fn every_depth_comparison() {
                 ..template.clone()
             };
             let pass = overlapping(&pipeline, Format::Rgba8Unorm, 7);
-            let over = colours_over(&gpu, &pass, 1.0);
-            assert_eq!(over, 0, "{compare:?}, test {test}, write {write}: differing pixels");
+            let steps = largest_step(&gpu, &pass);
+            assert!(steps <= remains::STEPS, "{compare:?}, test {test}, write {write}: {steps}");
             let mut renderer = compute::Renderer::new(&gpu).unwrap();
             let found = difference(&mut renderer, &pass, &mut 0);
             assert_eq!(found, None, "{compare:?}, test {test}, write {write}");

@@ -186,15 +186,7 @@ fn record_draw(
     sets: &[vk::DescriptorSet],
     extent: Extent,
 ) -> Result<()> {
-    let whole = Viewport {
-        x: 0.0,
-        y: 0.0,
-        width: extent.width as f32,
-        height: extent.height as f32,
-        min_depth: 0.0,
-        max_depth: 1.0,
-    };
-    let Viewport { x, y, width, height, min_depth, max_depth } = draw.viewport.unwrap_or(whole);
+    let Viewport { x, y, width, height, min_depth, max_depth } = draw.viewport_in(extent);
     let side = gpu.limits().target_side_px;
     if width.max(height.abs()) > side as f32 {
         return Err(Error::Full(format!(
@@ -203,8 +195,7 @@ fn record_draw(
         )));
     }
     let viewport = [vk::Viewport { x, y, width, height, min_depth, max_depth }];
-    let whole = Rect { x: 0, y: 0, width: extent.width, height: extent.height };
-    let Rect { x, y, width, height } = draw.scissor.unwrap_or(whole);
+    let Rect { x, y, width, height } = draw.scissor_in(extent);
     let scissor = [vk::Rect2D {
         offset: vk::Offset2D { x: x as i32, y: y as i32 },
         extent: vk::Extent2D { width, height },

@@ -3,9 +3,9 @@
 //! Nothing here decides anything: values are parsed one by one, each with a message that says what
 //! is expected. What they mean together is the second layer's business ([`super::plan`]).
 
-use crate::image::Extent;
+use crate::{image::Extent, scene::Scene, vk::GpuOptions};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -13,7 +13,7 @@ use std::path::PathBuf;
     name = "tilewright",
     version,
     about = "The GPU's graphics pipeline, rebuilt as Vulkan compute kernels",
-    after_help = EXIT_CODES,
+    after_help = AFTER_HELP,
     disable_help_subcommand = true
 )]
 pub struct Typed {
@@ -21,15 +21,22 @@ pub struct Typed {
     pub verb: Verb,
 }
 
-const EXIT_CODES: &str = "\
+const AFTER_HELP: &str = "\
 Exit codes:
   0  done
-  1  the pictures differ
+  1  the pictures differ, or a shader is refused
   2  the command line makes no sense
   3  no suitable device
   4  a file cannot be read or written
   5  the device was lost or did not answer in time
   6  something does not fit into memory or into a limit
+
+Environment:
+  TILEWRIGHT_DEVICE        the device, where --device does not name one
+  TILEWRIGHT_TIMEOUT       seconds, where --timeout does not give them
+  TILEWRIGHT_CACHE=off     keep no compiled shaders and pipelines on disk
+  TILEWRIGHT_LOG           what is said: error, warn (as it is), info, debug or trace
+  TILEWRIGHT_VALIDATION=1  load the Vulkan validation layer and say what it finds
 
 Example:
   tilewright render builtin:teapot -o teapot.png";
@@ -135,11 +142,15 @@ pub struct JsonArgs {
     pub json: bool,
 }
 
+fn scene_help() -> String {
+    let names: Vec<_> = Scene::builtin_names().collect();
+    format!("A .gltf, .glb or .obj file, or `builtin:NAME` of {}", names.join(", "))
+}
+
 /// Which scene, and how it is looked at.
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// A .gltf, .glb or .obj file, or `builtin:NAME`
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "SCENE", help = scene_help())]
     pub scene: String,
     /// Pixels across and down, each 1 to 16384
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size)]
@@ -180,6 +191,20 @@ pub struct DeviceArgs {
     /// Refuse to run on anything but a driver for the host's processor
     #[arg(long)]
     pub require_cpu: bool,
+    /// Seconds that one piece of work on the device may take before it counts as lost
+    #[arg(long, value_name = "SECONDS", env = "TILEWRIGHT_TIMEOUT", hide_env_values = true,
+          default_value_t = Seconds(GpuOptions::TIMEOUT), value_parser = parse_timeout)]
+    pub timeout: Seconds,
+}
+
+/// A time as it is typed: in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seconds(pub Duration);
+
+impl std::fmt::Display for Seconds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.0.as_secs_f64())
+    }
 }
 
 /// What draws.
@@ -235,6 +260,18 @@ fn parse_time(text: &str) -> Result<f32, String> {
         .ok_or_else(|| "expected seconds, 0 or more, like 1.5".into())
 }
 
+fn parse_timeout(text: &str) -> Result<Seconds, String> {
+    if text.is_empty() {
+        // An empty variable is one that is not set.
+        return Ok(Seconds(GpuOptions::TIMEOUT));
+    }
+    let seconds = text.trim().parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    seconds
+        .filter(|time| !time.is_zero())
+        .map(Seconds)
+        .ok_or_else(|| "expected seconds, more than 0, like 600".into())
+}
+
 fn parse_finite(text: &str) -> Option<f32> {
     text.trim().parse().ok().filter(|number: &f32| number.is_finite())
 }
@@ -287,6 +324,11 @@ mod tests {
         }
         assert_eq!(parse_fov("60"), Ok(60.0));
         assert!(parse_fov("0").is_err() && parse_fov("180").is_err());
+        assert_eq!(parse_timeout(""), Ok(Seconds(GpuOptions::TIMEOUT)));
+        assert_eq!(parse_timeout("0.5"), Ok(Seconds(Duration::from_millis(500))));
+        for wrong in ["0", "-1", "nan", "inf", "1e300", "1m"] {
+            assert!(parse_timeout(wrong).is_err(), "{wrong}");
+        }
         assert!(parse_time("0").is_ok() && parse_time("-1").is_err() && parse_time("inf").is_err());
     }
 

@@ -21,7 +21,8 @@ pub fn open(args: &DeviceArgs) -> Result<Gpu> {
         _ => Require::Any,
     };
     let device = args.device.clone().filter(|selector| !selector.is_empty());
-    let gpu = Gpu::open(&GpuOptions { device, require, ..GpuOptions::default() })?;
+    let timeout = args.timeout.0;
+    let gpu = Gpu::open(&GpuOptions { device, require, timeout, ..GpuOptions::default() })?;
     talk::line(format_args!("device: {}", gpu.info()));
     Ok(gpu)
 }

@@ -158,7 +158,8 @@ fn temporary(target: &Path) -> io::Result<NamedTempFile> {
         // What the umask leaves of it, as for any new file.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    let file = builder.tempfile_in(folder(target))?;
+    // The kind alone: the message would name the temporary file, which is nobody's business.
+    let file = builder.tempfile_in(folder(target)).map_err(|e| io::Error::from(e.kind()))?;
     if let Ok(found) = fs::metadata(target) {
         file.as_file().set_permissions(found.permissions())?;
     }

@@ -29,15 +29,24 @@ const EXAMPLES: usize = 3;
 ///
 /// # Errors
 /// Those of the scene and of the executors; [`Error::Device`] if the device has no pipeline of its
-/// own to compare with.
+/// own to compare with, or one that cannot name its triangles.
 pub fn run(args: &ParityArgs) -> Result<Outcome> {
     let plan = ParityPlan::new(args)?;
     let gpu = device::open(&args.device)?;
-    if !gpu.has_graphics() {
+    let lacks = if !gpu.has_graphics() {
+        Some("does not draw by itself, so there is nothing to compare with")
+    } else if !gpu.has_primitive_ids() {
+        Some(
+            "draws without gl_PrimitiveID (its feature geometryShader), so nobody can tell which \
+             triangle won a pixel",
+        )
+    } else {
+        None
+    };
+    if let Some(lacks) = lacks {
         return Err(Error::Device(format!(
-            "{} computes but does not draw, so there is nothing to compare with; choose another \
-             device (`tilewright devices` lists them)",
-            gpu.info()
+            "{} {lacks}; choose another device (`tilewright devices` lists them)",
+            gpu.info().name
         )));
     }
     let mut shot = Shot::new(&plan.view)?;

@@ -3,6 +3,7 @@
 use super::{
     args::{Backend, ParityArgs, RenderArgs, SceneArgs, Vec3},
     output::Output,
+    talk,
 };
 use crate::{
     error::{Error, Result},
@@ -95,6 +96,12 @@ impl RenderPlan {
     /// that cannot be written.
     pub fn new(args: &RenderArgs) -> Result<Self> {
         let view = View::new(&args.scene)?;
+        if args.output.extension().is_some_and(|ending| !ending.eq_ignore_ascii_case("png")) {
+            talk::line(format_args!(
+                "warning: {} will be a PNG, whatever its name says",
+                args.output.display()
+            ));
+        }
         let picture = Output::new(&args.output)?;
         view.scene.keep_from(&picture)?;
         let stats = args.stats.as_deref().map(Output::new).transpose()?;

@@ -34,7 +34,8 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         draw(&gpu, plan.backend, &shot, &mut clock)?
     };
     clock.lap("read_back");
-    plan.picture.write(&picture::encode(&frame.color, gpu.info(), &plan.view.scene)?)?;
+    let image = shot.picture(frame.color)?;
+    plan.picture.write(&picture::encode(&image, gpu.info(), &plan.view.scene)?)?;
     clock.lap("write_picture");
 
     if let Some(output) = &plan.stats {

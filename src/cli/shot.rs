@@ -6,8 +6,10 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
+    format::Format,
+    image::{Image, srgb_to_linear},
     pass::Pass,
-    scene::{Camera, LoadOptions, PassOptions, Projection, Scene, srgb_to_linear},
+    scene::{Camera, LoadOptions, PassOptions, Projection, Scene},
 };
 
 /// Vertical field of view of a camera that is given by `--eye` and `--target`, in degrees.
@@ -19,6 +21,8 @@ pub struct Shot {
     pub scene: Scene,
     /// Its draws.
     pub pass: Pass,
+    /// Whether something behind the scene shows through: its picture is premultiplied then.
+    translucent: bool,
 }
 
 impl Shot {
@@ -38,9 +42,23 @@ impl Shot {
             talk::line(format_args!("warning: {warning}"));
         }
         let camera = camera(&scene, view)?;
-        let options = PassOptions { background: view.background.map(linear), ..Default::default() };
+        let mut options =
+            PassOptions { background: view.background.map(linear), ..Default::default() };
+        let translucent = view.background.is_some_and(|[.., alpha]| alpha < 255);
+        if translucent {
+            // What is divided by alpha later needs more than 8 bits.
+            options.format = Format::Rgba16Float;
+        }
         let pass = scene.pass(view.extent, &camera, &options)?;
-        Ok(Self { scene, pass })
+        Ok(Self { scene, pass, translucent })
+    }
+
+    /// The picture of the pass as a file holds it: with colours that are not multiplied by alpha.
+    ///
+    /// # Errors
+    /// Those of [`Image::unpremultiplied`], if the pass was given another format.
+    pub fn picture(&self, drawn: Image) -> Result<Image> {
+        if self.translucent { drawn.unpremultiplied() } else { Ok(drawn) }
     }
 
     /// Triangles that are drawn, instances included.

@@ -5,7 +5,7 @@ use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     pass::{Draw, Pipeline, StepRate},
-    state::{Blend, Rect, Topology, Viewport},
+    state::{Blend, Topology},
 };
 use std::ops::Range;
 
@@ -77,16 +77,7 @@ impl Planner<'_> {
     /// What all pieces of a draw have in common; `None` if viewport and scissor leave no pixel.
     fn template(&mut self, draw: &Draw, pipeline: &Pipeline, ways: Ways) -> Result<Option<Piece>> {
         let extent = self.pass.extent;
-        let viewport = draw.viewport.unwrap_or(Viewport {
-            x: 0.0,
-            y: 0.0,
-            width: extent.width as f32,
-            height: extent.height as f32,
-            min_depth: 0.0,
-            max_depth: 1.0,
-        });
-        let whole = Rect { x: 0, y: 0, width: extent.width, height: extent.height };
-        let scissor = draw.scissor.unwrap_or(whole);
+        let (viewport, scissor) = (draw.viewport_in(extent), draw.scissor_in(extent));
         let (left, right) = pixel_span(viewport.x, viewport.width);
         let (top, bottom) = pixel_span(viewport.y, viewport.height);
         let last = |start: u32, length: u32, limit: u32| {

@@ -203,6 +203,9 @@ impl Builder {
         let sets = binding_sets(name, &self.materials, &textures, &white);
         let blended = self.materials.iter().map(|m| m.alpha == AlphaMode::Blend).collect();
         let bounds = nodes.iter().fold(Bounds::EMPTY, |b, n: &CullNode| b.union(n.bounds));
+        if bounds.is_empty() && !items.is_empty() {
+            self.warn("nothing of the scene has a place: its coordinates are no finite numbers");
+        }
         Ok(Scene {
             name: name.into(),
             warnings: self.warnings,

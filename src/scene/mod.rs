@@ -37,7 +37,7 @@ pub use camera::{Camera, Projection};
 pub use light::Light;
 pub use load::LoadOptions;
 pub use pass::PassOptions;
-pub use texture::{ColorSpace, linear_to_srgb, load_texture, srgb_to_linear};
+pub use texture::{ColorSpace, load_texture};
 
 use crate::pass::{BindingSet, Buffer, Pipeline};
 use std::sync::Arc;

@@ -22,7 +22,9 @@ use std::sync::Arc;
 pub struct PassOptions {
     /// Format of the colour target.
     pub format: Format,
-    /// Clear colour, linear RGBA; `None` is the scene's own.
+    /// Colour behind everything, linear RGBA, not premultiplied; `None` is the scene's own, which is
+    /// opaque. Over a translucent one the picture's colours come out premultiplied by its alpha, as
+    /// blending makes them ([`Image::unpremultiplied`](crate::image::Image::unpremultiplied)).
     pub background: Option<[f32; 4]>,
     /// Whether draws outside the view are left out. Off only to measure and to test.
     pub cull: bool,
@@ -64,14 +66,12 @@ impl Scene {
         };
         let frame = shading::frame_set(camera, extent, &self.light);
         let draws = self.in_order(visible, camera).map(|i| self.draw(&self.items[i], &frame));
-        let background = || self.light.background.extend(1.0).to_array();
+        let own = || self.light.background.extend(1.0).to_array();
+        let [r, g, b, a] = options.background.unwrap_or_else(own);
         Ok(Pass {
             label: self.name.clone(),
             extent,
-            color: ColorTarget {
-                format: options.format,
-                clear: options.background.unwrap_or_else(background),
-            },
+            color: ColorTarget { format: options.format, clear: [r * a, g * a, b * a, a] },
             depth: Some(DepthTarget { clear: 1.0 }),
             draws: draws.collect(),
             pipelines: self.pipelines.clone(),

@@ -1,6 +1,11 @@
 //! Pictures from files to textures: decoding with limits, and mip levels that keep brightness.
 
-use crate::{Error, Result, format::Format, image::Extent, texture::Texture};
+use crate::{
+    Error, Result,
+    format::Format,
+    image::{Extent, linear_to_srgb, srgb_to_linear},
+    texture::Texture,
+};
 use std::{path::Path, sync::OnceLock};
 
 /// Larger pictures are refused: no device takes them as one texture.
@@ -157,16 +162,6 @@ fn encode_table() -> &'static [u8] {
         let byte = |i| (linear_to_srgb(i as f32 / ENCODE_STEPS as f32) * 255.0 + 0.5) as u8;
         (0..=ENCODE_STEPS).map(byte).collect()
     })
-}
-
-/// The sRGB transfer function (IEC 61966-2-1), from the encoded value to light.
-pub fn srgb_to_linear(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-}
-
-/// The sRGB transfer function (IEC 61966-2-1), from light to the encoded value.
-pub fn linear_to_srgb(v: f32) -> f32 {
-    if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// Turns a height map (its brightness) into a normal map; `strength` scales the slope of a step

@@ -7,18 +7,13 @@
 //! the source. It needs another extension and `#line`, changes what the device's own pipeline runs,
 //! and does nothing for SPIR-V.)
 //!
-//! The target is Vulkan 1.2 with SPIR-V 1.5: for 1.3 glslang emits instructions that `rspirv` does
-//! not read. One compiler serves the whole process; it may be used from any thread. The first call
-//! of a process builds the tables of built-in functions, a tenth of a second and more, later ones
-//! take milliseconds.
+//! How the compiler is set up is in `compiler`. One serves the whole process; it may be used from
+//! any thread. The first call of a process builds the tables of built-in functions, a tenth of a
+//! second and more, later ones take milliseconds.
 
-use super::{Stage, include::Beside, module::Outcome, stored::Entry};
+use super::{Stage, compiler::to_spirv, include::Beside, module::Outcome, stored::Entry};
 use crate::{Error, Result, cache};
-use glslang::{
-    Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
-    SourceLanguage, SpirvVersion, Target, VulkanVersion, error::GlslangError,
-    include::IncludeHandler,
-};
+use glslang::{Compiler, ShaderSource, ShaderStage, error::GlslangError, include::IncludeHandler};
 use std::path::Path;
 
 /// Compiles `source` to SPIR-V with entry point `main`. `file` is where it came from, for files that
@@ -49,23 +44,15 @@ pub(super) fn compile(
 
 fn words(stage: ShaderStage, source: &str, file: Option<&Path>) -> Outcome<Vec<u32>> {
     let compiler = Compiler::acquire().ok_or("the GLSL compiler does not start")?;
+    // Without one, glslang takes the source for the first version there was, and complains of that.
+    let versioned = source.contains("#version");
     let source = ShaderSource::from(plain_ascii(source)?);
-    let options = CompilerOptions {
-        source_language: SourceLanguage::GLSL,
-        target: Target::Vulkan {
-            version: VulkanVersion::Vulkan1_2,
-            spirv_version: SpirvVersion::SPIRV1_5,
-        },
-        version_profile: None,
-        messages: ShaderMessage::SPV_RULES | ShaderMessage::VULKAN_RULES,
-    };
-    let defines = None::<&[(&str, Option<&str>)]>;
     let mut beside = file.map(Beside::new);
     let includes = beside.as_mut().map(|handler| handler as &mut dyn IncludeHandler);
-    ShaderInput::new(&source, stage, &options, defines, includes)
-        .and_then(|input| compiler.create_shader(input))
-        .and_then(|shader| shader.compile())
-        .map_err(message)
+    to_spirv(compiler, stage, &source, includes).map_err(|error| match versioned {
+        true => message(error),
+        false => "there is no `#version` line: `#version 450` belongs at the top".into(),
+    })
 }
 
 /// The source as the compiler's bindings can take it. GLSL allows other characters than ASCII in
@@ -148,6 +135,7 @@ pub(super) mod tests {
         assert!(reason("#version 450\nvoid main() { \0 }").contains("line 2: a NUL"));
         assert!(reason("#version 450\nvoid main() { ä = 1; }").contains("line 2"));
         assert!(reason("").contains("bad.frag"));
+        assert!(reason("void main() {}").contains("#version 450"));
     }
 
     #[test]

@@ -7,6 +7,8 @@
 #[cfg(feature = "glsl")]
 mod compile;
 #[cfg(feature = "glsl")]
+mod compiler;
+#[cfg(feature = "glsl")]
 pub mod conform;
 #[cfg(feature = "glsl")]
 mod include;

@@ -54,7 +54,10 @@ impl Entry {
 fn maker() -> &'static str {
     static MAKER: OnceLock<String> = OnceLock::new();
     MAKER.get_or_init(|| {
-        let settings = cache::checksum([include_bytes!("compile.rs").as_slice()]);
+        let settings = cache::checksum([
+            include_bytes!("compiler.rs").as_slice(),
+            include_bytes!("compile.rs").as_slice(),
+        ]);
         let kernels = [kernels::VERTEX, kernels::SHADE, kernels::ORDERED].concat();
         let bytes: Vec<u8> = kernels.iter().flat_map(|w| w.to_le_bytes()).collect();
         let compiler = cache::checksum([bytes.as_slice()]);

@@ -96,19 +96,28 @@ pub(crate) fn missing_feature(
     lacking: &[(Capability, &'static str)],
     words: &[u32],
 ) -> Option<&'static str> {
+    declared(words).find_map(|capability| {
+        lacking.iter().find(|(c, _)| *c as u32 == capability).map(|(_, name)| *name)
+    })
+}
+
+/// Whether the module takes derivatives by instructions of compute shaders.
+pub(super) fn has_compute_derivatives(words: &[u32]) -> bool {
+    declared(words).any(|c| c == Capability::ComputeDerivativeGroupLinearKHR as u32)
+}
+
+/// The capabilities that the module declares. They come first in it.
+fn declared(words: &[u32]) -> impl Iterator<Item = u32> {
     const HEADER_WORDS: usize = 5;
-    let mut rest = words.get(HEADER_WORDS..)?;
-    // Capabilities come first in a module.
-    while let [first, capability, ..] = *rest {
-        if first & 0xffff != Op::Capability as u32 {
-            break;
+    let mut rest = words.get(HEADER_WORDS..).unwrap_or_default();
+    std::iter::from_fn(move || match *rest {
+        [first, capability, ..] if first & 0xffff == Op::Capability as u32 => {
+            // A length of 0 is nonsense and must not be an endless loop.
+            rest = rest.get((first >> 16).max(1) as usize..).unwrap_or_default();
+            Some(capability)
         }
-        if let Some((_, name)) = lacking.iter().find(|(c, _)| *c as u32 == capability) {
-            return Some(name);
-        }
-        rest = rest.get((first >> 16).max(1) as usize..)?;
-    }
-    None
+        _ => None,
+    })
 }
 
 #[cfg(test)]
@@ -127,7 +136,9 @@ mod tests {
         assert_eq!(missing_feature(&lacking, &words), Some("geometryShader"));
         assert_eq!(missing_feature(&[], &words), None);
         assert_eq!(missing_feature(&lacking, &words[..3]), None);
-        // A length of 0 is nonsense and must not be an endless loop.
+        assert!(!has_compute_derivatives(&words));
+        words.extend(op(Capability::ComputeDerivativeGroupLinearKHR));
+        assert!(has_compute_derivatives(&words));
         words[5] = Op::Capability as u32;
         assert_eq!(missing_feature(&lacking, &words), None);
     }

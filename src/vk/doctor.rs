@@ -84,7 +84,12 @@ pub fn doctor() -> Doctor {
                 layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER));
             match Instance::new(false).and_then(|i| device::candidates(&i)) {
                 Ok(candidates) => devices = candidates.into_iter().map(|c| c.info).collect(),
-                Err(e) => error(e.to_string(), &drivers::fix_of_none(variable)),
+                Err(e) => {
+                    // What other verbs say of it ends with the fix, which has its own place here.
+                    let (said, fix) = (e.to_string(), drivers::fix_of_none(variable));
+                    let problem = said.split_once(&format!("; {fix}")).map(|(problem, _)| problem);
+                    error(problem.unwrap_or(&said).into(), &fix);
+                }
             }
             if !devices.is_empty() && devices.iter().all(|d| !d.missing.is_empty()) {
                 error("no device meets all requirements".into(), INSTALL_DRIVER);

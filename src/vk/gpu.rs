@@ -43,14 +43,19 @@ pub struct GpuOptions {
     pub table: TableSizes,
 }
 
+impl GpuOptions {
+    /// How long a submission may take by default. A CPU driver compiles kernels at their first
+    /// dispatch, on a busy machine in tens of seconds.
+    pub const TIMEOUT: Duration = Duration::from_secs(120);
+}
+
 impl Default for GpuOptions {
     fn default() -> Self {
         Self {
             device: None,
             require: Require::Any,
             validation: false,
-            // A CPU driver compiles kernels at their first dispatch, on a busy machine in tens of seconds.
-            timeout: Duration::from_secs(120),
+            timeout: Self::TIMEOUT,
             cache: crate::cache::folder(),
             table: TableSizes::default(),
         }
@@ -243,6 +248,12 @@ impl Gpu {
     /// Whether the host sees the device's memory, so that a copy for it would be a waste.
     pub fn has_unified_memory(&self) -> bool {
         self.0.unified_memory
+    }
+
+    /// Whether fragment shaders of the device's own pipeline may read `gl_PrimitiveID`, which is part
+    /// of the feature `geometryShader`. Compute has it everywhere.
+    pub fn has_primitive_ids(&self) -> bool {
+        self.0.lacking.iter().all(|(lacking, _)| *lacking != Capability::Geometry)
     }
 
     /// Whether compute kernels may use derivative instructions (`VK_KHR_compute_shader_derivatives`).

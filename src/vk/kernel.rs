@@ -1,8 +1,9 @@
 //! Kernels: SPIR-V, what it binds by name, and the pipeline.
 
 use super::{
-    capability::missing_feature,
+    capability::{has_compute_derivatives, missing_feature},
     gpu::{Gpu, Shared},
+    instance::WITH_DERIVATIVES,
     reflect::{BindingKind, BlockBinding, KernelReflection, reflect},
 };
 use crate::error::{Error, Result};
@@ -206,6 +207,9 @@ impl RawKernel {
         // kernels come from our compiler and splicer only.
         let module = unsafe { self.gpu.device.create_shader_module(&module_info, None) }
             .map_err(|e| self.gpu.failure(&what, e))?;
+        if has_compute_derivatives(info.spirv) {
+            self.gpu.set_name(module, &format!("{} {WITH_DERIVATIVES}", self.name));
+        }
         let present: HashSet<u32> = self.reflection.constants.iter().map(|c| c.1).collect();
         let mut values: Vec<_> = specialized
             .iter()

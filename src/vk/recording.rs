@@ -332,7 +332,7 @@ impl Recording {
                 std::mem::forget(self.commands.take());
                 return Err(Error::Lost(format!(
                     "{} did not finish {what} within {} seconds; use a smaller size or scene, or \
-                     allow more time",
+                     allow more time (--timeout, TILEWRIGHT_TIMEOUT, GpuOptions::timeout)",
                     self.gpu.name(),
                     self.gpu.0.timeout.as_secs_f32()
                 )));

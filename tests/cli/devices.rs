@@ -39,6 +39,21 @@ fn no_driver_ends_with_3_and_says_what_to_do() {
 }
 
 #[test]
+fn a_device_that_takes_too_long_ends_with_5_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = ["render", "builtin:still-life", "--size", "2048x2048", "-o", "x.png"];
+    let small = |more: &[&str], variable: Option<&str>| {
+        let mut command = command();
+        command.args(line).args(more).current_dir(folder.path());
+        command.envs(variable.map(|value| ("TILEWRIGHT_TIMEOUT", value)));
+        finish(&mut command, Duration::from_secs(60)).expect(5).saying(&["0.001 s", "--timeout"]);
+    };
+    small(&["--timeout", "0.001"], None);
+    small(&[], Some("0.001"));
+    assert!(super::tool::names(folder.path()).is_empty());
+}
+
+#[test]
 fn the_device_that_is_asked_for_is_used_or_none() {
     let device = crate::common::device_under_test();
     let name = device.name.as_str();

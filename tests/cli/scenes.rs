@@ -2,6 +2,7 @@
 
 use super::tool::{command, decode, finish, names, run};
 use std::{fs, time::Duration};
+use tilewright::image::{linear_to_srgb, srgb_to_linear};
 
 /// The keys of `parity --json`, all of them and nothing else.
 const FIGURES: [&str; 6] = [
@@ -37,6 +38,20 @@ fn parity_shows_where_pictures_differ() {
 }
 
 #[test]
+fn parity_needs_a_device_that_names_its_triangles() {
+    let case = "parity needs a device that names its triangles";
+    let Some(gpu) = crate::common::swiftshader(case) else { return };
+    assert!(gpu.has_graphics() && !gpu.has_primitive_ids());
+    // Said before anything is read or drawn: the scene is not even one.
+    let line = ["parity", "builtin:no-such-scene", "--device", &gpu.info().uuid];
+    finish(command().args(line), Duration::from_secs(60)).expect(3).saying(&[
+        &gpu.info().name,
+        "gl_PrimitiveID",
+        "tilewright devices",
+    ]);
+}
+
+#[test]
 fn both_backends_draw_the_teapot() {
     let picture = |backend| {
         let line = ["render", "builtin:teapot", "--size", "96x64", "-o", "-", "--backend", backend];
@@ -66,6 +81,32 @@ fn the_background_is_what_was_asked_for() {
         "0,0,10",
     ];
     assert_eq!(decode(&run(line).expect(0).stdout).rgba, [0x33, 0x66, 0x99, 0x80].repeat(64));
+}
+
+#[test]
+fn a_picture_without_a_background_can_be_laid_over_any() {
+    let drawn = |backend, background| {
+        let line = ["render", "builtin:alpha", "--size", "120x80", "-o", "-", "--backend", backend];
+        let line = line.into_iter().chain(["--background", background]);
+        decode(&run(line).expect(0).stdout).rgba
+    };
+    let ground = [0xff, 0xc0, 0x40];
+    let over = |top: u8, bottom: u8, alpha: u8| {
+        let [top, bottom, alpha] = [top, bottom, alpha].map(|v| f32::from(v) / 255.0);
+        let light = srgb_to_linear(top) * alpha + srgb_to_linear(bottom) * (1.0 - alpha);
+        (linear_to_srgb(light) * 255.0).round() as u8
+    };
+    for backend in ["compute", "classic"] {
+        let (alone, whole) = (drawn(backend, "00000000"), drawn(backend, "ffc040"));
+        let mut glass = 0;
+        for (alone, whole) in alone.chunks(4).zip(whole.chunks(4)) {
+            glass += usize::from(!matches!(alone[3], 0 | 255));
+            let laid = [0, 1, 2].map(|c| over(alone[c], ground[c], alone[3]));
+            let near = laid.iter().zip(whole).all(|(a, b)| a.abs_diff(*b) <= 2);
+            assert!(near, "{backend}: {alone:?} over {ground:?} is {laid:?}, drawn {whole:?}");
+        }
+        assert!(glass > 100, "{backend}: {glass} translucent pixels");
+    }
 }
 
 #[test]

@@ -15,6 +15,7 @@ fn nonsense_ends_with_2_and_says_what_is_expected() {
         (&["render", "builtin:teapot", "-o", "x.png", "--background", "red"], "hexadecimal"),
         (&["render", "builtin:teapot", "-o", "x.png", "--backend", "magic"], "compute"),
         (&["render", "builtin:teapot", "-o", "x.png", "--time", "soon"], "seconds"),
+        (&["render", "builtin:teapot", "-o", "x.png", "--timeout", "0"], "more than 0"),
         (
             &["render", "builtin:teapot", "-o", "x.png", "--require-gpu", "--require-cpu"],
             "--require",

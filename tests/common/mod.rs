@@ -1,12 +1,11 @@
 //! What tests of the device share: opening one with the validation layer on, and failing on its
 //! messages; compiling a kernel from a few lines of GLSL.
 
+#[path = "../../src/shader/compiler.rs"]
+mod compiler;
 pub mod random;
 
-use glslang::{
-    Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
-    SourceLanguage, SpirvVersion, Target, VulkanVersion,
-};
+use glslang::{Compiler, ShaderSource, ShaderStage};
 use std::ops::Deref;
 use tilewright::vk::{DeviceInfo, Gpu, GpuOptions, devices};
 
@@ -85,20 +84,7 @@ pub fn open(device: &str) -> TestGpu {
 /// A compute shader as SPIR-V, as the engine's own kernels are compiled.
 pub fn kernel_spirv(source: &str) -> Vec<u32> {
     let compiler = Compiler::acquire().expect("the GLSL compiler starts");
-    let options = CompilerOptions {
-        source_language: SourceLanguage::GLSL,
-        target: Target::Vulkan {
-            version: VulkanVersion::Vulkan1_2,
-            spirv_version: SpirvVersion::SPIRV1_5,
-        },
-        version_profile: None,
-        messages: ShaderMessage::SPV_RULES | ShaderMessage::VULKAN_RULES,
-    };
-    let source = ShaderSource::from(source.to_string());
-    let defines = None::<&[(&str, Option<&str>)]>;
-    let input = ShaderInput::new(&source, ShaderStage::Compute, &options, defines, None);
-    compiler
-        .create_shader(input.unwrap_or_else(|e| panic!("{e}")))
-        .and_then(|shader| shader.compile())
+    let source = ShaderSource::from(source);
+    compiler::to_spirv(compiler, ShaderStage::Compute, &source, None)
         .unwrap_or_else(|e| panic!("{e}"))
 }

@@ -265,6 +265,14 @@ fn polygons_and_missing_files_of_obj() {
 }
 
 #[test]
+fn a_scene_that_lies_nowhere_is_said_to() {
+    let case = Case::new(&[("nowhere.obj", b"v nan 0 0\nv 0 inf 0\nv 1e30 0 0\nf 1 2 3\n")]);
+    let scene = case.load("nowhere.obj");
+    pass(&scene);
+    assert!(scene.warnings().iter().any(|w| w.contains("place")), "{:?}", scene.warnings());
+}
+
+#[test]
 fn what_is_no_scene_is_named() {
     let case = Case::new(&[("a.txt", b"hello"), ("b.gltf", b"{"), ("c.glb", b"glTF")]);
     for name in ["a.txt", "b.gltf", "c.glb", "not-there.gltf", "."] {

@@ -10,11 +10,11 @@ use super::super::{
     light::Light,
     material::{Map, Material, TextureUse},
     mesh::Mesh,
-    texture::{ColorSpace, linear_to_srgb, with_mips},
+    texture::{ColorSpace, with_mips},
 };
 use super::{add, checkerboard, plastic, shapes, teapot};
 use crate::{
-    image::Extent,
+    image::{Extent, linear_to_srgb},
     texture::{Sampler, Texture, Wrap},
 };
 use glam::{Mat4, Vec2, Vec3};

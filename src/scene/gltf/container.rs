@@ -36,7 +36,13 @@ impl<'a> Container<'a> {
             true => split_glb(bytes)?,
             false => (bytes, None),
         };
-        let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
+        let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json).trim_ascii_start();
+        if bytes.is_empty() {
+            return Err("the file is empty".into());
+        }
+        if !json.starts_with(b"{") {
+            return Err("the content is neither GLB nor a JSON object".into());
+        }
         let root = read(json)?;
         let wanted = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
         if !wanted.starts_with("2.")
@@ -65,8 +71,8 @@ impl<'a> Container<'a> {
 }
 
 /// The typed document. What the parser refuses although glTF allows it is mended first: scenes
-/// without nodes, and animation channels without a node, which are to be passed over; so are lights,
-/// whose faults are none of ours.
+/// without nodes, extras that are no objects, and animation channels without a node, which are to be
+/// passed over; so are lights, whose faults are none of ours.
 fn read(json: &[u8]) -> Checks<Root> {
     let fault = |e| format!("the JSON is not glTF 2.0: {e}");
     let first = match Root::from_slice(json) {
@@ -93,7 +99,20 @@ fn read(json: &[u8]) -> Checks<Root> {
     };
     each(document.get_mut("nodes"), &unlit);
     document.as_object_mut().map(unlit);
+    drop_extras(&mut document);
     serde_json::from_value(document).map_err(|_| fault(first))
+}
+
+/// Removes what applications keep for themselves: it may be of any type, and nothing here reads it.
+fn drop_extras(value: &mut Value) {
+    match value {
+        Value::Object(members) => {
+            members.remove("extras");
+            members.values_mut().for_each(drop_extras);
+        }
+        Value::Array(elements) => elements.iter_mut().for_each(drop_extras),
+        _ => {}
+    }
 }
 
 /// JSON and buffer of a GLB.
@@ -173,6 +192,21 @@ mod tests {
         assert!(root.scenes[0].nodes.is_empty() && root.animations[0].channels.is_empty());
         let wrong = br#"{"asset":{"version":"2.0"},"scenes":[{}],"meshes":[{}]}"#;
         assert!(fault(wrong).contains("line"), "the fault is that of the file as it stands");
+    }
+
+    #[test]
+    fn what_is_no_gltf_at_all_is_said_in_a_word() {
+        assert!(fault(b"").contains("empty"));
+        for other in [&b"hello"[..], b"[1]", b"\x89PNG\r\n", b"\xef\xbb\xbf"] {
+            assert!(fault(other).contains("neither GLB nor"), "{other:?}");
+        }
+    }
+
+    #[test]
+    fn extras_may_be_anything() {
+        let kept = br#" {"asset":{"version":"2.0","extras":[1]},"extras":42,
+            "nodes":[{"extras":"mine"},{"extras":{"own":true}}]}"#;
+        assert_eq!(Container::parse(kept, |_| ()).unwrap().root.nodes.len(), 2);
     }
 
     #[test]

@@ -11,9 +11,12 @@ use super::{
     hash::BitMap,
     material::{AlphaMode, Map, Material, TextureUse},
     mesh::Mesh,
-    texture::{ColorSpace, decode, decode_rgba, height_to_normal, srgb_to_linear, with_mips},
+    texture::{ColorSpace, decode, decode_rgba, height_to_normal, with_mips},
 };
-use crate::texture::{Sampler, Texture, Wrap};
+use crate::{
+    image::srgb_to_linear,
+    texture::{Sampler, Texture, Wrap},
+};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use mtl::{Mtl, MtlMap};
 use parse::{Group, NONE, Obj, Smoothing};

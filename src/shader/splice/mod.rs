@@ -34,6 +34,7 @@ mod resources;
 mod specialize;
 #[cfg(all(test, feature = "glsl"))]
 mod tests;
+#[cfg(feature = "glsl")]
 pub(crate) mod verify;
 
 use super::{
