@@ -94,9 +94,9 @@ pub struct Capacities {
 
 impl Capacities {
     /// 131,072 primitives: triangles of 56 MiB and lists of 56 MiB if all of them were clipped into
-    /// seven; positions of 6 MiB and varyings of 64 MiB at most.
+    /// seven; positions of 16 MiB and varyings of 128 MiB at most.
     pub const DEFAULT: Self =
-        Self { primitives: 1 << 17, vertices: 3 << 17, varying_words: 1 << 24 };
+        Self { primitives: 1 << 17, vertices: 1 << 20, varying_words: 1 << 25 };
 
     /// Triangles: each primitive can be clipped into [`abi::MAX_CLIPPED`].
     pub const fn triangles(&self) -> u32 {

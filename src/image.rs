@@ -116,12 +116,9 @@ impl Image {
 
 /// The texel that a linear RGBA value becomes in an 8-bit format; `None` for other formats.
 pub fn texel_rgba8(format: Format, linear: [f32; 4]) -> Option<[u8; 4]> {
-    let [r, g, b, a] = linear;
     match format {
         Format::Rgba8Unorm => Some(linear.map(to_unorm8)),
-        Format::Rgba8Srgb => {
-            Some([r, g, b].map(srgb_encoded)).map(|[r, g, b]| [r, g, b, a].map(to_unorm8))
-        }
+        Format::Rgba8Srgb => Some(shown(linear)),
         _ => None,
     }
 }

@@ -25,19 +25,29 @@ impl Planner<'_> {
             ))
         })?;
         let Some(template) = self.template(draw, &pipeline, ways)? else { return Ok(()) };
+        let shared = self.shared(draw, &pipeline, template, total, ways)?;
         let mut next = 0;
         while next < total {
             let limit = self.limit;
+            if let Some((_, slots)) = shared.filter(|_| next > 0 && self.open.is_none()) {
+                self.keep(ways, slots);
+            }
             let room = limit.primitives - self.batch(ways).primitives;
             let mut take = room.min(total - next);
             let (piece, slots) = loop {
-                let (piece, slots) = self.piece(draw, &pipeline, template, next..next + take)?;
+                let (piece, slots) = match shared {
+                    Some((piece, _)) if next > 0 => {
+                        break (Piece { first_in_draw: next, ..piece }, None);
+                    }
+                    Some(whole) => whole,
+                    None => self.piece(draw, &pipeline, template, next..next + take)?,
+                };
                 let words = u64::from(slots) * u64::from(ways.varying_stride);
                 let open = self.batch(ways);
                 let fits = open.vertices + slots <= limit.vertices
                     && u64::from(open.varying_words) + words <= u64::from(limit.varying_words);
                 if fits {
-                    break (piece, slots);
+                    break (piece, Some(slots));
                 }
                 if open.primitives > 0 {
                     self.close();
@@ -65,13 +75,41 @@ impl Planner<'_> {
             let piece =
                 Piece { first_primitive: open.primitives, fragment_kernel: kernel as u32, ..piece };
             open.primitives += take;
-            open.vertices += slots;
-            open.varying_words += slots * ways.varying_stride;
+            open.vertices += slots.unwrap_or(0);
+            open.varying_words += slots.unwrap_or(0) * ways.varying_stride;
             open.vertex_needs.push((ways.vertex_kernel, slots));
             self.plan.pieces.push(piece);
             next += take;
+            if shared.is_some() && next < total {
+                self.close();
+            }
         }
         Ok(())
+    }
+
+    /// The piece and the vertex slots of all of a draw that needs several batches, if its vertices fit
+    /// one: they are then shaded in its first batch, which is begun for it, and stay in place for the
+    /// others. Indices of scanned meshes jump about, so that each batch would shade most vertices again.
+    fn shared(
+        &mut self,
+        draw: &Draw,
+        pipeline: &Pipeline,
+        template: Piece,
+        total: u32,
+        ways: Ways,
+    ) -> Result<Option<(Piece, u32)>> {
+        let limit = self.limit;
+        if total <= limit.primitives {
+            return Ok(None);
+        }
+        let (piece, slots) = self.piece(draw, pipeline, template, 0..total)?;
+        let words = u64::from(slots) * u64::from(ways.varying_stride);
+        let fits = slots <= limit.vertices && words <= u64::from(limit.varying_words);
+        if piece.vertex_mode != abi::VERTEX_RANGED || !fits {
+            return Ok(None);
+        }
+        self.close();
+        Ok(Some((piece, slots)))
     }
 
     /// What all pieces of a draw have in common; `None` if viewport and scissor leave no pixel.
@@ -188,11 +226,11 @@ impl Planner<'_> {
         };
         let (low, high) = self.vertex_range(draw, pipeline.topology, within);
         let count = primitives.end - primitives.start;
-        let per_corner = 3 * count;
+        let per_corner = 3 * u64::from(count);
         let span = u64::from(high - low) + 1;
         let ranged = span * u64::from(last - first + 1);
         let piece = Piece { first_in_draw: primitives.start, ..template };
-        Ok(if ranged <= u64::from(per_corner) {
+        Ok(if ranged <= per_corner.min(u64::from(u32::MAX)) {
             let piece = Piece {
                 vertex_mode: abi::VERTEX_RANGED,
                 vertex_min: low,
@@ -202,7 +240,8 @@ impl Planner<'_> {
             };
             (piece, ranged as u32)
         } else {
-            (Piece { vertex_mode: abi::VERTEX_PER_CORNER, ..piece }, per_corner)
+            let slots = u32::try_from(per_corner).unwrap_or(u32::MAX);
+            (Piece { vertex_mode: abi::VERTEX_PER_CORNER, ..piece }, slots)
         })
     }
 

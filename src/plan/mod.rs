@@ -178,9 +178,27 @@ struct Open {
     primitives: u32,
     vertices: u32,
     varying_words: u32,
-    /// For each piece its vertex kernel and vertex slots.
-    vertex_needs: Vec<(usize, u32)>,
+    /// Vertex slots and words of varyings that are left in place from the batch before; the draw they
+    /// belong to goes on.
+    kept: (u32, u32),
+    /// For each piece its vertex kernel and the vertex slots it needs, `None` if it uses the kept ones.
+    vertex_needs: Vec<(usize, Option<u32>)>,
     fragment_kernels: Vec<usize>,
+}
+
+impl Open {
+    fn new(method: Method, piece_first: u32, kept: (u32, u32)) -> Self {
+        Self {
+            method,
+            piece_first,
+            primitives: 0,
+            vertices: kept.0,
+            varying_words: kept.1,
+            kept,
+            vertex_needs: Vec::new(),
+            fragment_kernels: Vec::new(),
+        }
+    }
 }
 
 struct Planner<'a> {
@@ -222,10 +240,10 @@ impl Planner<'_> {
         let Some(open) = self.open.take() else { return };
         let mut order: Vec<usize> = (0..open.vertex_needs.len()).collect();
         order.sort_by_key(|&i| open.vertex_needs[i].0);
-        let (mut slot, mut word) = (0, 0);
+        let (mut slot, mut word) = open.kept;
         let mut vertex_work: Vec<VertexWork> = Vec::new();
         for i in order {
-            let (kernel, slots) = open.vertex_needs[i];
+            let (kernel, Some(slots)) = open.vertex_needs[i] else { continue };
             let run = self.plan.runs.len() as u32;
             self.plan.runs.push(open.piece_first + i as u32);
             let piece = &mut self.plan.pieces[open.piece_first as usize + i];
@@ -271,15 +289,13 @@ impl Planner<'_> {
             self.close();
         }
         let piece_first = self.plan.pieces.len() as u32;
-        self.open.get_or_insert_with(|| Open {
-            method: ways.method,
-            piece_first,
-            primitives: 0,
-            vertices: 0,
-            varying_words: 0,
-            vertex_needs: Vec::new(),
-            fragment_kernels: Vec::new(),
-        })
+        self.open.get_or_insert_with(|| Open::new(ways.method, piece_first, (0, 0)))
+    }
+
+    /// Opens a batch in which the first `slots` vertex slots of the one before stay in place.
+    fn keep(&mut self, ways: Ways, slots: u32) {
+        let kept = (slots, slots * ways.varying_stride);
+        self.open = Some(Open::new(ways.method, self.plan.pieces.len() as u32, kept));
     }
 
     /// Slots of a shader's resources, the push-constant block last: where they start in the list.
