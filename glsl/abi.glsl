@@ -74,9 +74,6 @@ struct Attribute {
     uint slot;
     uint offset;
     uint stride;
-    uint component;
-    uint count;
-    uint per_instance;
 };
 
 struct Triangle {

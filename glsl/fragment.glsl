@@ -27,14 +27,20 @@ int tw_PrimitiveID;
 float tw_FragDepth;
 bool tw_HelperInvocation;
 
-uint resource_base;
+// What was bound last: a piece, its part of the fields of `Piece`, and the shader's resources.
+uint bound_piece = NONE;
+uint bound_resources = NONE;
+vec2 window_scale, window_offset;
+uint first_in_draw, primitives_per_instance;
+uint piece_varyings, piece_vertices, varying_stride;
+
 uvec3 varying_base; // first word of each vertex's varyings
 vec3 perspective;   // barycentric weights for smooth varyings
 vec3 linear;        // for noperspective ones
 uvec4 color_bits;   // output location 0
 
 uint tw_resource(const in uint i) {
-    return resource_slots[resource_base + i];
+    return resource_slots[bound_resources + i];
 }
 
 // Word `lane & 3` of a location of each vertex: the lanes of a quad shade the same triangle, so that
@@ -82,9 +88,13 @@ DERIVATIVES(vec2)
 DERIVATIVES(vec3)
 DERIVATIVES(vec4)
 
-// Replaced by the splicer; calls every hook, so that none is optimised away.
+// Both are replaced by the splicer; they call every hook, so that none is optimised away.
+void tw_user_bind() {
+    color_bits.x = tw_resource(0u);
+}
+
 void tw_user_main() {
-    vec4 v = tw_input_smooth(0u) + tw_input_noperspective(1u) + uintBitsToFloat(tw_input_flat(tw_resource(0u)));
+    vec4 v = tw_input_smooth(0u) + tw_input_noperspective(1u) + uintBitsToFloat(tw_input_flat(0u));
     v += tw_ddx(v) + tw_ddy(v);
     v.xyz += tw_ddx(v.xyz) + tw_ddy(v.xyz);
     v.xy += tw_ddx(v.xy) + tw_ddy(v.xy);
@@ -92,20 +102,37 @@ void tw_user_main() {
     tw_output(0u, 0u, 4u, floatBitsToUint(v));
 }
 
+// Makes the piece and its resources those of the calls that follow. Most calls find them bound: what
+// many fragments share is fetched once.
+void bind(const uint piece) {
+    if (piece == bound_piece) return;
+    bound_piece = piece;
+    window_scale = pieces[piece].scale.xy;
+    window_offset = pieces[piece].offset.xy;
+    first_in_draw = pieces[piece].first_in_draw - pieces[piece].first_primitive;
+    primitives_per_instance = pieces[piece].primitives_per_instance;
+    piece_varyings = pieces[piece].varying_base;
+    piece_vertices = pieces[piece].vertex_base;
+    varying_stride = pieces[piece].varying_stride;
+    uint resources = pieces[piece].fragment_resources;
+    if (resources == bound_resources) return;
+    bound_resources = resources;
+    tw_user_bind();
+}
+
 // Runs the shader for the triangle of `key` at the target's pixel `pixel`; all four lanes of a quad
 // call it together. `helper` lanes take part in derivatives only.
 void shade(const uint key, const ivec2 pixel, const bool helper) {
     uint at = key_triangle(key, batch.extra_first);
-    uint piece_index = triangles[at].piece;
     uvec3 vertices = triangles[at].vertices;
-    vec3 scale = pieces[piece_index].scale, offset = pieces[piece_index].offset;
+    bind(triangles[at].piece);
 
-    vec2 ndc = (vec2(pixel) + 0.5 - offset.xy) / scale.xy;
+    vec2 ndc = (vec2(pixel) + 0.5 - window_offset) / window_scale;
     uint part = gl_SubgroupInvocationID & 3u;
     vec3 parts = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);
     vec3 x = subgroupQuadBroadcast(parts, 0u), y = subgroupQuadBroadcast(parts, 1u), w = subgroupQuadBroadcast(parts, 3u);
-    vec2 pa = vec2(x.x, y.x) - ndc * w.x, pb = vec2(x.y, y.y) - ndc * w.y, pc = vec2(x.z, y.z) - ndc * w.z;
-    vec3 weights = vec3(pb.x * pc.y - pb.y * pc.x, pc.x * pa.y - pc.y * pa.x, pa.x * pb.y - pa.y * pb.x);
+    vec3 px = x - ndc.x * w, py = y - ndc.y * w;
+    vec3 weights = px.yzx * py.zxy - py.yzx * px.zxy;
     float sum = weights.x + weights.y + weights.z;
     perspective = sum != 0.0 ? weights / sum : vec3(1.0, 0.0, 0.0);
     float depth_w = dot(perspective, w);
@@ -115,12 +142,9 @@ void shade(const uint key, const ivec2 pixel, const bool helper) {
     tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? 1.0 / depth_w : 0.0);
     tw_FragDepth = z;
     tw_FrontFacing = (triangles[at].flags & TRIANGLE_FRONT) != 0u;
-    uint in_draw = pieces[piece_index].first_in_draw + (key >> KEY_LOG2) - 1u - pieces[piece_index].first_primitive;
-    tw_PrimitiveID = int(in_draw % pieces[piece_index].primitives_per_instance);
+    tw_PrimitiveID = int((first_in_draw + (key >> KEY_LOG2) - 1u) % primitives_per_instance);
     tw_HelperInvocation = helper;
-    resource_base = pieces[piece_index].fragment_resources;
-    varying_base = pieces[piece_index].varying_base +
-                   (vertices - pieces[piece_index].vertex_base) * pieces[piece_index].varying_stride;
+    varying_base = piece_varyings + (vertices - piece_vertices) * varying_stride;
     color_bits = uvec4(0u);
     tw_user_main();
 }

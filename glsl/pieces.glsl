@@ -14,6 +14,12 @@ uint linear_invocation() {
     return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * GROUP + gl_LocalInvocationIndex;
 }
 
+// Division for a quotient that is nearly always 0: a draw has one instance.
+uint divide(const uint a, const uint b) {
+    if (a < b) return 0u;
+    return a / b;
+}
+
 // The piece that holds the batch's primitive `primitive`.
 uint piece_of_primitive(const uint primitive) {
     uint low = batch.piece_first, high = batch.piece_first + batch.piece_count - 1u;

@@ -6,6 +6,9 @@
 // clip volume, viewport and scissor, by the top-left rule; two triangles of an edge share no pixel
 // and leave none out. `flags` is 0 for a primitive that draws nothing.
 // Kernel / Twin: src/compute/primitive.rs, src/reference/primitive.rs.
+//
+// An invocation takes PRIMITIVE_ROUNDS primitives, one after the other: most of them belong to the same
+// piece, whose fields it fetches once.
 #version 460
 #include "pieces.glsl"
 #include "lib/cells.glsl"
@@ -20,7 +23,7 @@ layout(scalar, binding = 3) buffer CellCounts { uint cell_counts[]; };
 uvec3 vertex_slots(const Piece piece, const uint in_piece) {
     if (piece.vertex_mode == VERTEX_PER_CORNER) return piece.vertex_base + 3u * in_piece + uvec3(0u, 1u, 2u);
     uint q = piece.first_in_draw + in_piece;
-    uint instance = q / piece.primitives_per_instance;
+    uint instance = divide(q, piece.primitives_per_instance);
     uvec3 element = assemble(piece.topology, q - instance * piece.primitives_per_instance);
     uvec3 vertex = uvec3(fetch_index(piece, element.x), fetch_index(piece, element.y), fetch_index(piece, element.z));
     return piece.vertex_base + (instance - piece.instance_min) * piece.vertices_per_instance + vertex - piece.vertex_min;
@@ -100,11 +103,7 @@ vec4 sanitized(const vec4 p) {
     return vec4(flush(p.x), flush(p.y), flush(p.z), flush(p.w));
 }
 
-void main() {
-    uint primitive = linear_invocation();
-    if (primitive >= batch.primitives) return;
-    uint piece_index = piece_of_primitive(primitive);
-    Piece piece = pieces[piece_index];
+void run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec3 slots = vertex_slots(piece, primitive - piece.first_primitive);
     vec4 a = sanitized(positions[slots.x]), b = sanitized(positions[slots.y]), c = sanitized(positions[slots.z]);
 
@@ -114,33 +113,50 @@ void main() {
         triangles[primitive].flags = 0u;
         return;
     }
-    uint clip = code_a | code_b | code_c;
-    if (clip == 0u && min(a.w, min(b.w, c.w)) > 0.0) {
-        triangles[primitive].flags =
-            set_up(primitive, piece, piece_index, slots, window(piece, a, false), window(piece, b, false), window(piece, c, false));
-        return;
-    }
-
+    uint clip = code_a | code_b | code_c, count = 3u, made = 0u;
     vec4 corners[CLIP_CORNERS];
     corners[0] = a;
     corners[1] = b;
     corners[2] = c;
-    uint made;
-    uint count = clip_polygon(corners, clip, made);
-    // What is left touches w = 0 only at the eye itself, which no window position belongs to.
-    bool drawable = count >= 3u;
-    for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
-    if (!drawable) {
-        triangles[primitive].flags = 0u;
-        return;
+    if (clip != 0u || min(a.w, min(b.w, c.w)) <= 0.0) {
+        count = clip_polygon(corners, clip, made);
+        // What is left touches w = 0 only at the eye itself, which no window position belongs to.
+        bool drawable = count >= 3u;
+        for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
+        if (!drawable) {
+            triangles[primitive].flags = 0u;
+            return;
+        }
     }
-    vec3 first = window(piece, corners[0], (made & 1u) != 0u);
-    vec3 previous = window(piece, corners[1], (made & 2u) != 0u);
-    for (uint part = 0u; part + 2u < count; part++) {
-        vec3 next = window(piece, corners[part + 2u], (made & (4u << part)) != 0u);
-        uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
-        uint flags = set_up(at, piece, piece_index, slots, first, previous, next);
-        triangles[at].flags = flags | (part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u);
+    // One loop and one call for clipped and whole triangles: the code is compiled once.
+    vec3 first, previous;
+    [[dont_unroll]] for (uint i = 0u; i < count; i++) {
+        vec3 next = window(piece, corners[i], ((made >> i) & 1u) != 0u);
+        if (i == 0u) first = next;
+        if (i >= 2u) {
+            uint part = i - 2u;
+            uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
+            uint flags = set_up(at, piece, piece_index, slots, first, previous, next);
+            triangles[at].flags = flags | (part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u);
+        }
         previous = next;
+    }
+}
+
+void main() {
+    uint first = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    first = first * GROUP * PRIMITIVE_ROUNDS + gl_LocalInvocationIndex;
+    uint bound_end = 0u, piece_index; // the first primitive that is not the bound piece's
+    Piece piece;
+    [[dont_unroll]] for (uint round = 0u; round < PRIMITIVE_ROUNDS; round++) {
+        uint primitive = first + round * GROUP;
+        if (primitive >= batch.primitives) break;
+        if (primitive >= bound_end) {
+            piece_index = piece_of_primitive(primitive);
+            bool last = piece_index + 1u == batch.piece_first + batch.piece_count;
+            bound_end = last ? batch.primitives : pieces[piece_index + 1u].first_primitive;
+            piece = pieces[piece_index];
+        }
+        run(primitive, piece_index, piece);
     }
 }

@@ -6,14 +6,16 @@
 // and instance; the stage stores nothing else.
 // Kernel / Twin: src/compute/vertex.rs; no twin, the shader is the user's.
 //
-// The shader is spliced into `tw_user_main`; the functions and globals called tw_* are what it sees.
+// The shader is spliced into `tw_user_bind` and `tw_user_main`; the functions and globals called tw_* are
+// what it sees. An invocation takes VERTEX_ROUNDS slots, one after the other: most of them belong to the
+// same piece, whose fields, attributes and uniforms it fetches once.
 #version 460
 #include "pieces.glsl"
 #include "lib/attribute.glsl"
 
 layout(local_size_x = GROUP) in;
 layout(scalar, binding = 1) writeonly buffer Positions { vec4 positions[]; };
-layout(scalar, binding = 2) writeonly buffer Varyings { uint varyings[]; };
+layout(scalar, binding = 2) writeonly buffer Varyings { uvec4 varyings[]; };
 layout(scalar, binding = 3) readonly buffer Attributes { Attribute attributes[]; };
 layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[]; };
 // Pieces in the order of their vertex slots.
@@ -23,27 +25,53 @@ int tw_VertexIndex, tw_InstanceIndex, tw_BaseVertex, tw_BaseInstance, tw_DrawInd
 vec4 tw_Position;
 float tw_PointSize;
 
-uint resource_base;
-uint attribute_base;
+// The pipeline's vertex format: for each location its format as SPEC_ATTRIBUTE
+// of abi.rs says, 0 where the pipeline has no attribute.
+#define ATTRIBUTE(n) layout(constant_id = SPEC_ATTRIBUTE + n) const uint ATTRIBUTE_##n = 0u;
+ATTRIBUTE(0) ATTRIBUTE(1) ATTRIBUTE(2) ATTRIBUTE(3) ATTRIBUTE(4) ATTRIBUTE(5) ATTRIBUTE(6) ATTRIBUTE(7)
+ATTRIBUTE(8) ATTRIBUTE(9) ATTRIBUTE(10) ATTRIBUTE(11) ATTRIBUTE(12) ATTRIBUTE(13) ATTRIBUTE(14) ATTRIBUTE(15)
+ATTRIBUTE(16) ATTRIBUTE(17) ATTRIBUTE(18) ATTRIBUTE(19) ATTRIBUTE(20) ATTRIBUTE(21) ATTRIBUTE(22) ATTRIBUTE(23)
+ATTRIBUTE(24) ATTRIBUTE(25) ATTRIBUTE(26) ATTRIBUTE(27) ATTRIBUTE(28) ATTRIBUTE(29) ATTRIBUTE(30) ATTRIBUTE(31)
+
+uint attribute_format(const uint location) {
+    uint formats[MAX_ATTRIBUTES] = uint[](
+        ATTRIBUTE_0, ATTRIBUTE_1, ATTRIBUTE_2, ATTRIBUTE_3, ATTRIBUTE_4, ATTRIBUTE_5, ATTRIBUTE_6, ATTRIBUTE_7,
+        ATTRIBUTE_8, ATTRIBUTE_9, ATTRIBUTE_10, ATTRIBUTE_11, ATTRIBUTE_12, ATTRIBUTE_13, ATTRIBUTE_14, ATTRIBUTE_15,
+        ATTRIBUTE_16, ATTRIBUTE_17, ATTRIBUTE_18, ATTRIBUTE_19, ATTRIBUTE_20, ATTRIBUTE_21, ATTRIBUTE_22, ATTRIBUTE_23,
+        ATTRIBUTE_24, ATTRIBUTE_25, ATTRIBUTE_26, ATTRIBUTE_27, ATTRIBUTE_28, ATTRIBUTE_29, ATTRIBUTE_30, ATTRIBUTE_31);
+    return formats[location];
+}
+
+Piece piece;
+Attribute bound_attributes[MAX_ATTRIBUTES];
 uint varying_base;
 
 uint tw_resource(const in uint i) {
-    return resource_slots[resource_base + i];
+    return resource_slots[piece.vertex_resources + i];
+}
+
+void tw_bind_attribute(const in uint location) {
+    bound_attributes[location] = attributes[piece.attribute_base + location];
+}
+
+// The component at `byte` of the buffer in `slot`. Components are aligned to their size.
+uint fetch_component(const uint slot, const uint component, const uint byte) {
+    uint word = table[nonuniformEXT(slot)].words[byte >> 2];
+    return component_value(component, component_bytes(component) == 4u ? word : word >> ((byte & 3u) * 8u));
 }
 
 uvec4 fetch(const uint location, const uint one) {
-    Attribute a = attributes[attribute_base + location];
     uvec4 value = uvec4(0u, 0u, 0u, one);
-    if (a.slot == NONE) return value;
-    uint index = uint(a.per_instance != 0u ? tw_InstanceIndex : tw_VertexIndex);
-    uint byte = a.offset + a.stride * index, size = component_bytes(a.component);
-    for (uint c = 0u; c < a.count; c++, byte += size) {
-        uint shift = (byte & 3u) * 8u;
-        uint bits = table[nonuniformEXT(a.slot)].words[byte >> 2] >> shift;
-        // A component may straddle two words, if the buffer is packed that tightly.
-        if (shift + size * 8u > 32u) bits |= table[nonuniformEXT(a.slot)].words[(byte >> 2) + 1u] << (32u - shift);
-        value[c] = component_value(a.component, bits);
-    }
+    uint format = attribute_format(location);
+    if (format == 0u) return value;
+    uint component = format & 0xffu, count = (format >> ATTRIBUTE_COUNT_SHIFT) & 7u;
+    Attribute a = bound_attributes[location];
+    uint index = uint((format & ATTRIBUTE_PER_INSTANCE) != 0u ? tw_InstanceIndex : tw_VertexIndex);
+    uint byte = a.offset + a.stride * index, size = component_bytes(component);
+    value.x = fetch_component(a.slot, component, byte);
+    if (count > 1u) value.y = fetch_component(a.slot, component, byte + size);
+    if (count > 2u) value.z = fetch_component(a.slot, component, byte + 2u * size);
+    if (count > 3u) value.w = fetch_component(a.slot, component, byte + 3u * size);
     return value;
 }
 
@@ -56,15 +84,24 @@ uvec4 tw_attribute_uint(const in uint location) {
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
-    for (uint c = 0u; c < count; c++) varyings[varying_base + location * 4u + component + c] = value[c];
+    if (count == 4u) {
+        varyings[varying_base + location] = value;
+    } else {
+        for (uint c = 0u; c < count; c++) varyings[varying_base + location][component + c] = value[c];
+    }
 }
 
-// Replaced by the splicer; calls every hook, so that none is optimised away.
+// Both are replaced by the splicer; they call every hook, so that none is optimised away.
+void tw_user_bind() {
+    tw_bind_attribute(tw_resource(0u));
+}
+
 void tw_user_main() {
-    tw_output(tw_resource(0u), 0u, 4u, tw_attribute_uint(0u) + floatBitsToUint(tw_attribute_float(0u)));
+    tw_output(0u, 0u, 4u, tw_attribute_uint(0u) + floatBitsToUint(tw_attribute_float(0u)));
 }
 
-uint piece_of_slot(const uint slot) {
+// The run whose piece holds `slot`.
+uint run_of_slot(const uint slot) {
     uint low = batch.run_first, high = batch.run_first + batch.run_count - 1u;
     while (low < high) {
         uint middle = (low + high + 1u) >> 1;
@@ -72,36 +109,45 @@ uint piece_of_slot(const uint slot) {
         low = after ? low : middle;
         high = after ? middle - 1u : high;
     }
-    return runs[low];
+    return low;
 }
 
 void main() {
-    uint i = linear_invocation();
-    if (i >= batch.slot_count) return;
-    uint slot = batch.slot_first + i;
-    Piece piece = pieces[piece_of_slot(slot)];
-    uint local = slot - piece.vertex_base;
-    uint vertex, instance;
-    if (piece.vertex_mode == VERTEX_RANGED) {
-        instance = local / piece.vertices_per_instance;
-        vertex = piece.vertex_min + local - instance * piece.vertices_per_instance;
-        instance += piece.instance_min;
-    } else {
-        uint primitive = piece.first_in_draw + local / 3u;
-        instance = primitive / piece.primitives_per_instance;
-        uvec3 element = assemble(piece.topology, primitive - instance * piece.primitives_per_instance);
-        vertex = fetch_index(piece, element[local % 3u]);
+    uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    uint first = batch.slot_first + group * GROUP * VERTEX_ROUNDS + gl_LocalInvocationIndex;
+    uint end = batch.slot_first + batch.slot_count;
+    uint bound_end = 0u; // the first slot that is not the bound piece's
+    [[dont_unroll]] for (uint round = 0u; round < VERTEX_ROUNDS; round++) {
+        uint slot = first + round * GROUP;
+        if (slot >= end) break;
+        if (slot >= bound_end) {
+            uint run = run_of_slot(slot);
+            bool last = run + 1u == batch.run_first + batch.run_count;
+            bound_end = last ? end : pieces[runs[run + 1u]].vertex_base;
+            piece = pieces[runs[run]];
+            tw_user_bind();
+        }
+        uint local = slot - piece.vertex_base;
+        uint vertex, instance;
+        if (piece.vertex_mode == VERTEX_RANGED) {
+            instance = divide(local, piece.vertices_per_instance);
+            vertex = piece.vertex_min + local - instance * piece.vertices_per_instance;
+            instance += piece.instance_min;
+        } else {
+            uint primitive = piece.first_in_draw + local / 3u;
+            instance = divide(primitive, piece.primitives_per_instance);
+            uvec3 element = assemble(piece.topology, primitive - instance * piece.primitives_per_instance);
+            vertex = fetch_index(piece, element[local % 3u]);
+        }
+        tw_VertexIndex = int(vertex) + piece.base_vertex;
+        tw_InstanceIndex = int(piece.first_instance + instance);
+        tw_BaseVertex = piece.index_slot == NONE ? int(piece.first_element) : piece.base_vertex;
+        tw_BaseInstance = int(piece.first_instance);
+        tw_DrawIndex = int(piece.draw_id);
+        tw_Position = vec4(0.0);
+        tw_PointSize = 1.0;
+        varying_base = (piece.varying_base + local * piece.varying_stride) >> 2;
+        tw_user_main();
+        positions[slot] = tw_Position;
     }
-    tw_VertexIndex = int(vertex) + piece.base_vertex;
-    tw_InstanceIndex = int(piece.first_instance + instance);
-    tw_BaseVertex = piece.index_slot == NONE ? int(piece.first_element) : piece.base_vertex;
-    tw_BaseInstance = int(piece.first_instance);
-    tw_DrawIndex = int(piece.draw_id);
-    tw_Position = vec4(0.0);
-    tw_PointSize = 1.0;
-    resource_base = piece.vertex_resources;
-    attribute_base = piece.attribute_base;
-    varying_base = piece.varying_base + local * piece.varying_stride;
-    tw_user_main();
-    positions[slot] = tw_Position;
 }

@@ -40,6 +40,12 @@ pub const KEY_LOG2: u32 = 3;
 pub const MAX_FRAGMENT_KERNELS: u32 = 32;
 /// Invocations of a workgroup where nothing else decides.
 pub const GROUP: u32 = 64;
+/// Vertex slots of one invocation of the vertex stage, a workgroup apart.
+pub const VERTEX_ROUNDS: u32 = 8;
+/// Primitives of one invocation of the primitive stage, a workgroup apart.
+pub const PRIMITIVE_ROUNDS: u32 = 8;
+/// Input locations of a vertex shader.
+pub const MAX_ATTRIBUTES: u32 = 32;
 /// Pixels that one invocation of the clear fills: a workgroup costs more than a few stores.
 pub const CLEAR_PIXELS: u32 = 16;
 /// Specialization constant: the subgroup width, also the workgroup size of subgroup-wide kernels.
@@ -50,6 +56,14 @@ pub const SPEC_COMPARE: u32 = 65537;
 pub const SPEC_FORMAT: u32 = 65538;
 /// Specialization constant: when the depth test happens, one of `DEPTH_*`.
 pub const SPEC_DEPTH: u32 = 65540;
+/// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
+/// there is none: its `Component`, the number of components from bit
+/// [`ATTRIBUTE_COUNT_SHIFT`] on, and [`ATTRIBUTE_PER_INSTANCE`].
+pub const SPEC_ATTRIBUTE: u32 = 65664;
+/// Attribute format: first bit of the number of components.
+pub const ATTRIBUTE_COUNT_SHIFT: u32 = 8;
+/// Attribute format: it advances per instance.
+pub const ATTRIBUTE_PER_INSTANCE: u32 = 4096;
 /// Depth test before the shader, write after it unless it discards.
 pub const DEPTH_EARLY_TEST: u32 = 0;
 /// Depth test and write after the shader.
@@ -225,12 +239,6 @@ pub struct Attribute {
     pub offset: u32,
     /// Bytes from element to element.
     pub stride: u32,
-    /// A `Component`.
-    pub component: u32,
-    /// Components.
-    pub count: u32,
-    /// 1 if it advances per instance.
-    pub per_instance: u32,
 }
 
 /// A triangle after setup: what raster, z-test and shading need of it.

@@ -13,7 +13,7 @@ use tilewright::{
     image::Extent,
     shader::{
         Shader, Stage,
-        splice::{Derivatives, SpliceOptions, splice},
+        splice::{Blocks, Derivatives, SpliceOptions, splice},
     },
     texture,
     vk::{
@@ -127,7 +127,7 @@ fn kernel(
     derivatives: Derivatives,
     specialization: &[(u32, u32)],
 ) -> Kernel {
-    let options = SpliceOptions { derivatives, specialization };
+    let options = SpliceOptions { derivatives, blocks: Blocks::Prefetched, specialization };
     let spliced = splice(host, shader, &options).unwrap_or_else(|e| panic!("{e}"));
     let width = gpu.limits().subgroup_size;
     let info = KernelInfo {
@@ -314,7 +314,15 @@ fn a_specialized_array_of_inputs_is_refused() {
     let shader = Shader::from_glsl(Stage::Fragment, "list.frag", source).unwrap();
     let host = kernel_spirv(include_str!("fixtures/fragment.comp"));
     let with = |specialization| {
-        splice(&host, &shader, &SpliceOptions { derivatives: Derivatives::Quad, specialization })
+        splice(
+            &host,
+            &shader,
+            &SpliceOptions {
+                derivatives: Derivatives::Quad,
+                blocks: Blocks::InPlace,
+                specialization,
+            },
+        )
     };
     assert!(with(&[(3, 3), (9, 9)]).is_ok());
     let text = with(&[(3, 4)]).unwrap_err().to_string();

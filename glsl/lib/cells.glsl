@@ -25,13 +25,13 @@ bool cell_lists(const ivec3 x, const ivec3 y, const uint level, const uvec4 rang
 
 // The level a triangle is listed at.
 uint cell_level(const ivec3 x, const ivec3 y, const uvec2 low, const uvec2 high, const uint origin_y) {
-    for (uint level = 0u; level < CELL_LEVELS - 1u; level++) {
+    [[dont_unroll]] for (uint level = 0u; level < CELL_LEVELS - 1u; level++) {
         uvec4 range = cells_under(level, low, high);
         uint count = cells_count(range);
         if (count <= MAX_CELLS) return level;
         if (count > MAX_CELLS_TESTED) continue;
         uint touched = 0u;
-        for (uint i = 0u; i < count; i++) {
+        [[dont_unroll]] for (uint i = 0u; i < count; i++) {
             uint columns = range.z - range.x + 1u;
             uvec2 cell = range.xy + uvec2(i % columns, i / columns);
             touched += cell_lists(x, y, level, range, cell, origin_y) ? 1u : 0u;

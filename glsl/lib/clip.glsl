@@ -47,12 +47,12 @@ vec4 clip_point(const vec4 outside, const float dout, const vec4 inside, const f
 uint clip_polygon(inout vec4 corners[CLIP_CORNERS], const uint code, out uint made) {
     uint count = 3u;
     made = 0u;
-    for (uint plane = 0u; plane < CLIP_PLANES; plane++) {
+    [[dont_unroll]] for (uint plane = 0u; plane < CLIP_PLANES; plane++) {
         if ((code & (1u << plane)) == 0u || count == 0u) continue;
         vec4 from[CLIP_CORNERS] = corners;
         uint made_from = made, kept = 0u;
         made = 0u;
-        for (uint i = 0u; i < count; i++) {
+        [[dont_unroll]] for (uint i = 0u; i < count; i++) {
             vec4 a = from[i], b = from[i + 1u < count ? i + 1u : 0u];
             float da = clip_distance(plane, a), db = clip_distance(plane, b);
             if (da >= 0.0 && kept < CLIP_CORNERS) {

@@ -162,7 +162,10 @@ impl Setup {
             runs: upload(gpu, "runs", &plan.runs)?,
             resource_slots: upload(gpu, "resource slots", &plan.resource_slots)?,
             positions: Buffer::new(gpu, "positions", capacities.vertices as usize, device)?,
-            varyings: words_of("varyings", capacities.varying_words as usize)?,
+            varyings: words_of(
+                "varyings",
+                (capacities.varying_words as usize).next_multiple_of(4),
+            )?,
             triangles: Buffer::new(gpu, "triangles", capacities.triangles() as usize, device)?,
             cell_counts: words_of("cell counts", band.cells as usize)?,
             cell_ends: words_of("cell ends", band.cells as usize)?,

@@ -6,9 +6,9 @@ use crate::{
     format::Format,
     kernels,
     plan::KernelKey,
-    shader::splice::{Derivatives, SpliceOptions, splice},
+    shader::splice::{Blocks, Derivatives, SpliceOptions, splice},
     state::Compare,
-    vk::{Gpu, Kernel, KernelInfo},
+    vk::{DeviceKind, Gpu, Kernel, KernelInfo},
 };
 
 /// What a spliced kernel is made for, beside its shader.
@@ -97,6 +97,11 @@ impl Kernels {
         let native = self.gpu.has_compute_derivatives();
         let options = SpliceOptions {
             derivatives: if native { Derivatives::Native } else { Derivatives::Quad },
+            blocks: if self.gpu.info().kind == DeviceKind::Cpu {
+                Blocks::Prefetched
+            } else {
+                Blocks::InPlace
+            },
             specialization: &key.specialization,
         };
         let spliced = splice(words, &key.shader, &options)?;
@@ -109,12 +114,15 @@ impl Kernels {
                 &[("WIDTH", width), ("FORMAT", format), ("DEPTH", depth)]
             }
         };
+        let attributes = key.attributes.iter();
+        let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
+        let constant_ids: Vec<_> = key.specialization.iter().copied().chain(attributes).collect();
         let quads = variant != Variant::Vertex;
         let info = KernelInfo {
             name: &name,
             spirv: &spliced.spirv,
             constants,
-            constant_ids: &key.specialization,
+            constant_ids: &constant_ids,
             full_subgroups: quads,
             subgroup_size: quads.then_some(width),
         };

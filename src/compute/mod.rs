@@ -98,7 +98,11 @@ impl Renderer {
     /// [`crate::Error::Shader`] if the shader is out of reach, [`crate::Error::Device`] if the driver
     /// refuses a kernel.
     pub fn make_kernels(&mut self, shader: &Arc<Shader>) -> Result<()> {
-        let key = KernelKey { shader: shader.clone(), specialization: Vec::new() };
+        let key = KernelKey {
+            shader: shader.clone(),
+            specialization: Vec::new(),
+            attributes: Vec::new(),
+        };
         match shader.stage {
             Stage::Vertex => self.kernels.vertex(&key).map(|_| ()),
             Stage::Fragment => {

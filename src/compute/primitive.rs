@@ -22,5 +22,5 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("CellCounts", &b.cell_counts)
         .table(stage.table)
         .push(&stage.push)
-        .dispatch(grid::groups(stage.push.primitives, abi::GROUP))
+        .dispatch(grid::groups(stage.push.primitives, abi::GROUP * abi::PRIMITIVE_ROUNDS))
 }

@@ -19,6 +19,7 @@ pub fn record(
     batch: &BatchPlan,
 ) -> Result<()> {
     let b = stage.buffers;
+    let varyings = b.varyings.cast::<[u32; 4]>()?;
     recorder.group(|recorder| {
         for work in &batch.vertex_work {
             let push = Batch {
@@ -32,13 +33,13 @@ pub fn record(
                 .kernel(&kernels[work.kernel])
                 .bind("Pieces", stage.pieces)
                 .bind("Positions", &b.positions)
-                .bind("Varyings", &b.varyings)
+                .bind("Varyings", &varyings)
                 .bind("Attributes", &b.attributes)
                 .bind("ResourceSlots", &b.resource_slots)
                 .bind("Runs", &b.runs)
                 .table(stage.table)
                 .push(&push)
-                .dispatch(grid::groups(work.slot_count, abi::GROUP))?;
+                .dispatch(grid::groups(work.slot_count, abi::GROUP * abi::VERTEX_ROUNDS))?;
         }
         Ok(())
     })

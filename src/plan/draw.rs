@@ -4,7 +4,7 @@ use super::{Planner, Ways};
 use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
-    pass::{Draw, Pipeline, StepRate},
+    pass::{Draw, Pipeline},
     state::{Blend, Topology},
 };
 use std::ops::Range;
@@ -195,9 +195,6 @@ impl Planner<'_> {
                 slot: self.slots.buffer(&range.buffer)?,
                 offset: range.offset as u32 + attribute.offset,
                 stride: binding.stride,
-                component: attribute.format.component as u32,
-                count: attribute.format.count.into(),
-                per_instance: (binding.rate == StepRate::Instance).into(),
             });
         }
         let base = self.plan.attributes.len();

@@ -22,7 +22,7 @@ use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     grid::Capacities,
-    pass::{Binding, Buffer, Pass, Pipeline},
+    pass::{Binding, Buffer, Pass, Pipeline, StepRate, VertexAttribute},
     shader::Shader,
     state::Compare,
 };
@@ -45,11 +45,15 @@ pub struct KernelKey {
     pub shader: Arc<Shader>,
     /// Its specialization constants.
     pub specialization: Vec<(u32, u32)>,
+    /// A vertex shader's attributes: location and format, as [`abi::SPEC_ATTRIBUTE`] has it.
+    pub attributes: Vec<(u32, u32)>,
 }
 
 impl PartialEq for KernelKey {
     fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.shader, &other.shader) && self.specialization == other.specialization
+        Arc::ptr_eq(&self.shader, &other.shader)
+            && self.specialization == other.specialization
+            && self.attributes == other.attributes
     }
 }
 
@@ -212,18 +216,21 @@ struct Planner<'a> {
 
 impl Planner<'_> {
     fn ways(&mut self, pipeline: &Pipeline) -> Ways {
-        let intern = |kernels: &mut Vec<KernelKey>, shader: &Arc<Shader>| {
+        let intern = |kernels: &mut Vec<KernelKey>, shader: &Arc<Shader>, attributes| {
             let key = KernelKey {
                 shader: shader.clone(),
                 specialization: pipeline.specialization.clone(),
+                attributes,
             };
             kernels.iter().position(|k| *k == key).unwrap_or_else(|| {
                 kernels.push(key);
                 kernels.len() - 1
             })
         };
-        let vertex_kernel = intern(&mut self.plan.vertex_kernels, &pipeline.vertex);
-        let fragment_kernel = intern(&mut self.plan.fragment_kernels, &pipeline.fragment);
+        let vertex_kernel =
+            intern(&mut self.plan.vertex_kernels, &pipeline.vertex, attributes(pipeline));
+        let fragment_kernel =
+            intern(&mut self.plan.fragment_kernels, &pipeline.fragment, Vec::new());
         let written = &pipeline.vertex.reflection.outputs;
         let read = &pipeline.fragment.reflection.inputs;
         let locations = written.iter().chain(read).map(|v| v.location + 1).max();
@@ -326,6 +333,20 @@ impl Planner<'_> {
         self.plan.resource_slots.extend(list);
         Ok(base as u32)
     }
+}
+
+/// The attributes of a pipeline, ordered by location.
+fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
+    let format = |attribute: &VertexAttribute| {
+        let format = attribute.format;
+        let rate = pipeline.vertex_bindings[attribute.binding as usize].rate;
+        let per_instance = u32::from(rate == StepRate::Instance) * abi::ATTRIBUTE_PER_INSTANCE;
+        let count = u32::from(format.count) << abi::ATTRIBUTE_COUNT_SHIFT;
+        (attribute.location, format.component as u32 | count | per_instance)
+    };
+    let mut all: Vec<_> = pipeline.vertex_attributes.iter().map(format).collect();
+    all.sort_unstable();
+    all
 }
 
 /// How a pipeline is drawn.

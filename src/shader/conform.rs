@@ -6,7 +6,7 @@
 
 use super::{
     Shader, Stage,
-    splice::{Derivatives, SpliceOptions, splice, verify},
+    splice::{Blocks, Derivatives, SpliceOptions, splice, verify},
 };
 use crate::{Error, Result, kernels};
 use std::path::{Path, PathBuf};
@@ -103,7 +103,7 @@ fn attempt(
         Stage::Vertex => &[kernels::VERTEX],
         Stage::Fragment => &[kernels::SHADE, kernels::ORDERED],
     };
-    let options = SpliceOptions { derivatives, specialization: &[] };
+    let options = SpliceOptions { derivatives, blocks: Blocks::Prefetched, specialization: &[] };
     for kernel in kernels {
         let spliced = splice(kernel, &shader, &options).map_err(|e| (Step::Splice, reason(e)))?;
         verify::verify(&spliced.spirv).map_err(|e| (Step::Check, e))?;

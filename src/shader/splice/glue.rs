@@ -1,7 +1,9 @@
-//! The body of `tw_user_main`: what comes before and after the user's entry point.
+//! The bodies of the stubs: `tw_user_bind`, what one draw needs once, and `tw_user_main`, what comes
+//! before and after the user's entry point.
 //!
-//! First the table indices of the draw's resources, the initial values of the user's variables (a
-//! kernel may call the stub many times), built-ins, and inputs, location by location through the
+//! Binding: the table indices of the draw's resources, what is brought over from uniform blocks, and
+//! the vertex attributes that will be read. Calling: first the initial values of the user's variables
+//! (a kernel may call the stub many times), built-ins, and inputs, location by location through the
 //! kernel's hooks. Then the user's code. Then outputs, as bits. Compilers drop what the user's code
 //! does not read.
 
@@ -16,19 +18,29 @@ use rspirv::{
     dr::{Block, Instruction, Operand},
     spirv::{BuiltIn, Decoration, Op, StorageClass, Word},
 };
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// Replaces the stub's body. `indices` are the private variables for `tw_resource(i)`, in the order
-/// of the table's variables.
+/// Replaces the stubs' bodies. `indices` are the private variables for `tw_resource(i)`, in the order
+/// of the table's variables; `prefetched` fills the private variables that stand for uniforms.
 pub(super) fn write(
     linker: &mut Linker,
     hooks: &Hooks,
     stage: Stage,
     imported: &Imported,
     indices: &[Word],
+    prefetched: Vec<Instruction>,
 ) -> Outcome<()> {
     let mut glue = Glue { code: Code::new(linker), hooks, stage };
     glue.resources(imported, indices)?;
+    glue.code.instructions.extend(prefetched);
+    if stage == Stage::Vertex {
+        glue.attributes(imported)?;
+    }
+    glue.code.effect(Op::Return, vec![]);
+    let body = glue.code.instructions;
+    replace_stub(linker, hooks.function("tw_user_bind(")?, body)?;
+
+    let mut glue = Glue { code: Code::new(linker), hooks, stage };
     for &(variable, value) in &imported.initial {
         glue.code.store(variable, value);
     }
@@ -37,8 +49,13 @@ pub(super) fn write(
     }
     let void = glue.code.linker.void();
     glue.code.call(void, imported.entry, &[]);
-    for port in imported.ports.iter().filter(|p| p.output) {
-        glue.output(port)?;
+    let outputs = || imported.ports.iter().filter(|p| p.output);
+    let mut at_location: HashMap<u32, u32> = HashMap::new();
+    for leaf in outputs().flat_map(Port::leaves) {
+        *at_location.entry(leaf.varying.location).or_default() += 1;
+    }
+    for port in outputs() {
+        glue.output(port, &at_location)?;
     }
     glue.code.effect(Op::Return, vec![]);
     let body = glue.code.instructions;
@@ -59,6 +76,19 @@ impl Glue<'_> {
             let uint = self.code.linker.uint();
             let place = self.code.call(uint, hook, &[number]);
             self.code.store(index, place);
+        }
+        Ok(())
+    }
+
+    fn attributes(&mut self, imported: &Imported) -> Outcome<()> {
+        let inputs = imported.ports.iter().filter(|p| !p.output);
+        let locations: BTreeSet<u32> =
+            inputs.flat_map(Port::leaves).map(|leaf| leaf.varying.location).collect();
+        for location in locations {
+            let hook = self.hooks.function("tw_bind_attribute(u1;")?;
+            let location = self.code.linker.uint_constant(location);
+            let void = self.code.linker.void();
+            self.code.call(void, hook, &[location]);
         }
         Ok(())
     }
@@ -184,11 +214,13 @@ impl Glue<'_> {
         Ok(())
     }
 
-    fn output(&mut self, port: &Port) -> Outcome<()> {
+    /// `at_location` counts the outputs that share a location.
+    fn output(&mut self, port: &Port, at_location: &HashMap<u32, u32>) -> Outcome<()> {
         match &port.kind {
-            PortKind::Leaves(leaves) => {
-                leaves.iter().try_for_each(|leaf| self.output_leaf(port.variable, leaf))
-            }
+            PortKind::Leaves(leaves) => leaves.iter().try_for_each(|leaf| {
+                let alone = at_location.get(&leaf.varying.location) == Some(&1);
+                self.output_leaf(port.variable, leaf, alone)
+            }),
             PortKind::BuiltIn(built_in, source) => {
                 self.built_in_output(port.variable, port.ty, *built_in, *source)
             }
@@ -239,7 +271,8 @@ impl Glue<'_> {
         Ok(())
     }
 
-    fn output_leaf(&mut self, variable: Word, leaf: &Leaf) -> Outcome<()> {
+    /// An output that is `alone` at its location is handed on with all four components: one store.
+    fn output_leaf(&mut self, variable: Word, leaf: &Leaf, alone: bool) -> Outcome<()> {
         let hook = self.hooks.function("tw_output(u1;u1;u1;vu4;")?;
         let code = &mut self.code;
         let v = leaf.varying;
@@ -255,8 +288,9 @@ impl Glue<'_> {
             bits = code.emit(Op::CompositeConstruct, all, parts);
         }
         let void = code.linker.void();
+        let count = if alone && v.component == 0 { 4 } else { v.count };
         let [location, component, count] =
-            [v.location, v.component, v.count].map(|n| code.linker.uint_constant(n));
+            [v.location, v.component, count].map(|n| code.linker.uint_constant(n));
         code.call(void, hook, &[location, component, count, bits]);
         Ok(())
     }

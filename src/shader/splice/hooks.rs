@@ -1,15 +1,17 @@
 //! The kernel's side of the seam: functions and variables whose names begin with `tw_`.
 //!
-//! A kernel is ordinary GLSL. It calls the empty function `tw_user_main`, whose body is replaced, and
-//! defines what that body will need. glslang names functions with their parameter types
+//! A kernel is ordinary GLSL. It calls the empty functions `tw_user_bind` and `tw_user_main`, whose bodies
+//! are replaced, and defines what those bodies will need. glslang names functions with their parameter types
 //! (`tw_ddx(vf2;`), takes `const in` parameters by value, and drops functions that nothing calls, so
-//! a kernel's stub calls every hook once.
+//! a kernel's stubs call every hook once.
 //!
 //! | hook | stage | what it is |
 //! |---|---|---|
-//! | `void tw_user_main()` | both | the stub |
+//! | `void tw_user_bind()` | both | the stub that the kernel calls when another draw begins |
+//! | `void tw_user_main()` | both | the stub that runs the shader |
 //! | `uint tw_resource(const in uint i)` | both | table index of the shader's resource `i` |
 //! | `void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value)` | both | takes an output's bits |
+//! | `void tw_bind_attribute(const in uint location)` | vertex | an attribute that will be read |
 //! | `vec4 tw_attribute_float(const in uint location)` | vertex | an attribute as floats |
 //! | `uvec4 tw_attribute_uint(const in uint location)` | vertex | an integer attribute's bits |
 //! | `vec4 tw_input_smooth(const in uint location)` | fragment | interpolated with perspective |

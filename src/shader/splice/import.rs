@@ -38,6 +38,16 @@ pub(super) struct Port {
     pub kind: PortKind,
 }
 
+impl Port {
+    /// The leaves of a user's variable.
+    pub fn leaves(&self) -> &[interface::Leaf] {
+        match &self.kind {
+            PortKind::Leaves(leaves) => leaves,
+            PortKind::BuiltIn(..) | PortKind::Block(_) => &[],
+        }
+    }
+}
+
 /// What crosses through a [`Port`].
 pub(super) enum PortKind {
     /// A built-in that the glue code copies.

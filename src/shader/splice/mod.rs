@@ -6,7 +6,7 @@
 //! graphics pipeline is turned into what compute has; and the stub gets a body that fetches inputs,
 //! calls the user's `main` and hands on its outputs. The user's arithmetic is not touched.
 //!
-//! In order: `import`, then over the user's functions `resources`, `fragment`, `kill`,
+//! In order: `import`, then over the user's functions `specialize`, `prefetch`, `resources`, `fragment`, `kill`,
 //! `derivatives`, `guard`, `nonuniform`, then `glue`, then `order`.
 //!
 //! Why in SPIR-V: rewriting the source fails on `in` and `out` as parameter qualifiers, on name
@@ -29,6 +29,7 @@ mod limits;
 mod linker;
 mod nonuniform;
 mod order;
+mod prefetch;
 mod repair;
 mod resources;
 mod specialize;
@@ -60,11 +61,23 @@ pub enum Derivatives {
     Quad,
 }
 
+/// How the user's code reads uniform and push-constant blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Blocks {
+    /// From the block, each time. Right where registers are few and equal addresses are cheap: GPUs.
+    InPlace,
+    /// From private variables that are filled when the kernel binds a draw (see [`prefetch`]). Right
+    /// where every lane fetches for itself: CPUs.
+    Prefetched,
+}
+
 /// What splicing depends on beside kernel and shader.
 #[derive(Clone, Copy, Debug)]
 pub struct SpliceOptions<'a> {
     /// How the kernel gets derivatives.
     pub derivatives: Derivatives,
+    /// How the user's code reads uniform and push-constant blocks.
+    pub blocks: Blocks,
     /// The pipeline's specialization constants. One that changes the length of an array of inputs or
     /// outputs is refused.
     pub specialization: &'a [(u32, u32)],
@@ -100,6 +113,10 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
     let indices = index_variables(&mut linker, imported.elements.len());
     let arrays = imported.elements.iter().filter(|(_, e)| e.is_array()).map(|(v, _)| *v).collect();
     specialize::specialize(&mut linker, &mut functions, &arrays)?;
+    if options.blocks == Blocks::Prefetched {
+        let body = prefetch::prefetch(&mut linker, &mut functions, &imported.elements)?;
+        functions.push(body);
+    }
     resources::lower(&mut linker, &mut functions, &imported.elements, &indices)?;
     if shader.stage == Stage::Fragment {
         fragment::lower(&mut linker, &hooks, &mut functions, &imported.attachments)?;
@@ -114,7 +131,13 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
         guard::lower(&mut linker, &mut functions, helper);
     }
     nonuniform::mark(&mut linker, &functions, &imported.elements);
-    glue::write(&mut linker, &hooks, shader.stage, &imported, &indices)?;
+    let prefetched = match options.blocks {
+        Blocks::Prefetched => functions.pop(),
+        Blocks::InPlace => None,
+    };
+    let prefetched = prefetched.into_iter().flat_map(|f| f.blocks).flat_map(|b| b.instructions);
+    let prefetched = prefetched.collect();
+    glue::write(&mut linker, &hooks, shader.stage, &imported, &indices, prefetched)?;
     linker.module.functions.append(&mut functions);
     Ok(finish(linker, kernel_globals, &user))
 }

@@ -3,8 +3,7 @@
 //! All resources of all draws live in descriptor set 1, one run-time array per kind. The user's
 //! variable keeps its place in the code and becomes a variable of such an array; each use selects
 //! the element of the current draw, `table[tw_resource(i) + index]`, where `index` is the user's own
-//! index into an array of resources, flattened. The call is made once per invocation, before the
-//! user's code; several variables may share a binding of the table, each with its own type.
+//! index into an array of resources, flattened. The call is made when the kernel binds a draw; several variables may share a binding of the table, each with its own type.
 //!
 //! Draws meet in a subgroup, so every access is marked as non-uniform (see [`super::nonuniform`]).
 
@@ -201,6 +200,11 @@ impl Element {
     /// Whether the user declared an array of resources.
     pub fn is_array(&self) -> bool {
         !self.lengths.is_empty()
+    }
+
+    /// Whether the user's code can only read it.
+    pub fn is_read_only(&self) -> bool {
+        self.read_only
     }
 
     /// The capability that indexing this kind of resource non-uniformly needs.
