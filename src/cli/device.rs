@@ -5,7 +5,7 @@
 
 use super::{args::DeviceArgs, talk};
 use crate::{
-    error::Result,
+    error::{Error, Result},
     vk::{DeviceInfo, Gpu, GpuOptions, Require},
 };
 use serde_json::{Value, json};
@@ -24,6 +24,21 @@ pub fn open(args: &DeviceArgs) -> Result<Gpu> {
     let gpu = Gpu::open(&GpuOptions { device, require, ..GpuOptions::default() })?;
     talk::line(format_args!("device: {}", gpu.info()));
     Ok(gpu)
+}
+
+/// Refuses a device that has nothing to compare with.
+///
+/// # Errors
+/// [`Error::Device`].
+pub fn require_graphics(gpu: &Gpu) -> Result<()> {
+    if gpu.has_graphics() {
+        return Ok(());
+    }
+    Err(Error::Device(format!(
+        "{} computes but does not draw, so there is nothing to compare with; choose another device \
+         (`tilewright devices` lists them)",
+        gpu.info()
+    )))
 }
 
 /// The device as it stands in every JSON this tool writes.
