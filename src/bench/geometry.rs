@@ -279,7 +279,7 @@ fn crowd(count: u32, draws: u32, extent: Extent) -> Model {
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 10.0), Vec3::ZERO, Vec3::Y, 0.8);
     let mut random = Random(11);
     // Whatever their number, they cover the screen about three times.
-    let radius = 6.0 / (draws as f32).sqrt();
+    let radius = 10.0 / (draws as f32).sqrt();
     let aspect = extent.width as f32 / extent.height as f32;
     let object = |_| {
         let distance = 5.0 + 9.0 * random.unit();
@@ -329,7 +329,7 @@ fn leaves(count: u32, extent: Extent) -> Model {
         normal: Vec3::Y,
         uv: Vec2::new(u, v) * 24.0,
     });
-    let eye = Vec3::new(0.0, 1.2, 9.0);
+    let eye = Vec3::new(0.0, 2.0, 6.6);
     let bush = |b: u32| Vec3::new((b % 5) as f32 * 2.2 - 4.4, -0.1, (b / 5) as f32 * -2.2 + 3.0);
     let mut centers: Vec<(Vec3, Vec3, Vec3)> = (0..count / 2)
         .map(|leaf| {
@@ -357,6 +357,6 @@ fn leaves(count: u32, extent: Extent) -> Model {
         Object { mesh: 0, model, tint: [0.55, 0.5, 0.4], kind: Kind::Open },
         Object { mesh: 1, model, tint: green, kind: Kind::Leaf },
     ];
-    let camera = Camera::look_at(eye, Vec3::new(0.0, -0.2, 0.0), Vec3::Y, 0.8);
+    let camera = Camera::look_at(eye, Vec3::new(0.0, -0.4, 0.0), Vec3::Y, 0.8);
     seen(vec![lawn, foliage], objects, &camera, extent)
 }

@@ -6,6 +6,7 @@
 //! | `scenes` | the named scenes |
 //! | `geometry`, `build` | from a recipe to a pass |
 //! | `run` | pictures compared, then frames in turns, then stages |
+//! | `alone` | one executor in a process of its own: its first frame and its memory |
 //! | `statistics` | medians, their intervals, the verdict |
 //! | `counts`, `clock`, `environment` | what a pass consists of; what the system tells; where figures come from |
 //! | `rows` | results as JSON, from which `table` makes text |
@@ -15,6 +16,7 @@
 //! interval, and a ratio that could be either way says so; one configuration draws all scenes; and the
 //! environment is part of the result.
 
+mod alone;
 mod build;
 mod clock;
 mod counts;
@@ -27,12 +29,13 @@ mod scenes;
 pub mod statistics;
 mod table;
 
+pub use alone::{Alone, in_empty_caches};
 pub use build::pass;
 pub use clock::{peak_bytes, process_cpu_ms};
 pub use counts::Counts;
 pub use environment::environment;
 pub use recipe::{Axis, Layers, MOST_TRIANGLES, Order, Recipe, Shape};
-pub use rows::{Label, SCHEMA_VERSION, any_invalid, document, row};
+pub use rows::{Label, SCHEMA_VERSION, add_alone, any_invalid, document, row};
 pub use run::{Executors, Measurement, Side, StageTime, measure};
 pub use scenes::{CROSSOVER, Named, SHEET, find, named};
 pub use table::{csv, table};

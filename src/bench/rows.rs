@@ -1,6 +1,7 @@
 //! Results as JSON: what every output of the benchmark is made from.
 
 use super::{
+    alone::Alone,
     recipe::Axis,
     run::{Measurement, Side},
     statistics::{Summary, Verdict, geometric_mean},
@@ -93,6 +94,17 @@ fn side(side: &Side) -> Value {
         "device_ms": side.device_ms.map(rounded),
         "cpu_ms": side.cpu_ms.map(rounded),
     })
+}
+
+/// Adds what each executor did in a process of its own.
+pub fn add_alone(row: &mut Value, executor: &str, first: &Alone, second: &Alone) {
+    let side = &mut row[executor];
+    side["first_frame_ms"] = rounded(first.first_frame_ms);
+    side["second_run_first_frame_ms"] = rounded(second.first_frame_ms);
+    side["prepared_again_ms"] = rounded(second.again_ms);
+    // Compiling takes memory too, so the first run may have been the larger.
+    side["peak_bytes"] = json!(first.peak_bytes.max(second.peak_bytes));
+    side["before_bytes"] = json!(first.before_bytes.max(second.before_bytes));
 }
 
 /// All results. `skipped` names what the time did not suffice for.

@@ -140,6 +140,12 @@ pub struct BenchArgs {
     /// List scenes and axes
     #[arg(long, conflicts_with_all = ["scenes", "size", "axis", "budget"])]
     pub list: bool,
+    /// Leave out the first frames and the memory, which take processes of their own
+    #[arg(long)]
+    pub warm_only: bool,
+    /// Be such a process
+    #[arg(long, value_enum, hide = true, conflicts_with_all = ["list", "csv", "budget"])]
+    pub alone: Option<Backend>,
     /// Print JSON instead of a table
     #[arg(long, conflicts_with = "csv")]
     pub json: bool,

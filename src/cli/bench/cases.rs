@@ -1,0 +1,143 @@
+//! What is measured: scenes, sizes and axes as they were typed, made into rows to be.
+
+use super::super::{
+    args::{BenchArgs, parse_size},
+    plan::{SceneName, View},
+    shot::Shot,
+};
+use crate::{
+    bench::{self, Axis, Label, Named, Recipe},
+    error::{Error, Result},
+    image::Extent,
+    pass::Pass,
+};
+
+/// The size that is measured if none is asked for.
+const DEFAULT_SIZE: Extent = Extent::new(1920, 1080);
+
+/// One row to be.
+pub struct Case {
+    /// What it is of.
+    pub label: Label,
+    source: Source,
+}
+
+enum Source {
+    Generated(Recipe),
+    Seen(View),
+}
+
+impl Case {
+    /// The pass; made anew each time, so that only one is in memory.
+    ///
+    /// # Errors
+    /// Those of the scene.
+    pub fn pass(&self) -> Result<Pass> {
+        match &self.source {
+            Source::Generated(recipe) => bench::pass(&self.label.name(), recipe, self.label.extent),
+            Source::Seen(view) => Shot::new(view).map(|shot| shot.pass),
+        }
+    }
+}
+
+/// Every scene at every size along every axis, all of it checked before anything is done.
+///
+/// # Errors
+/// [`Error::Usage`], [`Error::Input`] for a scene that is not there.
+pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
+    let mut axes = Vec::new();
+    for typed in &args.axis {
+        let (axis, values) = axis(typed)?;
+        if axes.iter().any(|(known, _)| *known == axis) {
+            return Err(Error::Usage(format!("--axis {} is given twice", axis.name())));
+        }
+        axes.push((axis, values));
+    }
+    let mut sizes = args.size.clone();
+    if let Some(at) = axes.iter().position(|(axis, _)| *axis == Axis::Size) {
+        for text in axes.remove(at).1 {
+            sizes.push(parse_size(&text).map_err(Error::Usage)?);
+        }
+    }
+    if sizes.is_empty() {
+        sizes.push(DEFAULT_SIZE);
+    }
+    let typed: Vec<String> = match (args.scenes.as_slice(), axes.is_empty()) {
+        ([], true) => bench::named()
+            .iter()
+            .filter(|scene| scene.name != bench::SHEET)
+            .map(|scene| scene.name.into())
+            .collect(),
+        ([], false) => vec![bench::SHEET.into()],
+        (typed, _) => typed.to_vec(),
+    };
+    let settings = combinations(&axes);
+    let mut cases = Vec::new();
+    for extent in sizes {
+        for typed in &typed {
+            match bench::find(typed) {
+                Some(scene) => {
+                    for settings in &settings {
+                        cases.push(generated(&scene, extent, settings)?);
+                    }
+                }
+                None if !axes.is_empty() => {
+                    return Err(Error::Usage(format!(
+                        "--axis {} varies generated scenes, and `{typed}` is none \
+                         (tilewright bench --list names them)",
+                        axes[0].0.name()
+                    )));
+                }
+                None => cases.push(seen(typed, extent, args)?),
+            }
+        }
+    }
+    Ok(cases)
+}
+
+fn generated(scene: &Named, extent: Extent, settings: &[(Axis, String)]) -> Result<Case> {
+    let mut recipe = scene.recipe.clone();
+    for (axis, text) in settings {
+        recipe
+            .set(*axis, text)
+            .map_err(|reason| Error::Usage(format!("--axis {}: {reason}", axis.name())))?;
+    }
+    recipe.check().map_err(|reason| Error::Usage(format!("--axis: {reason}")))?;
+    let label = Label { scene: scene.name.into(), extent, settings: settings.to_vec() };
+    Ok(Case { label, source: Source::Generated(recipe) })
+}
+
+fn seen(typed: &str, extent: Extent, args: &BenchArgs) -> Result<Case> {
+    let scene = SceneName::new(typed).map_err(|error| match error {
+        Error::Input { .. } if !typed.contains(['.', '/']) => Error::Usage(format!(
+            "there is no scene `{typed}`: tilewright bench --list names those that are generated"
+        )),
+        other => other,
+    })?;
+    let view = View::new(scene, extent, &args.view)?;
+    let label = Label { scene: typed.into(), extent, settings: Vec::new() };
+    Ok(Case { label, source: Source::Seen(view) })
+}
+
+/// `name=a,b,c`.
+fn axis(typed: &str) -> Result<(Axis, Vec<String>)> {
+    let wrong = |reason: String| Error::Usage(format!("--axis {typed}: {reason}"));
+    let (name, values) =
+        typed.split_once('=').ok_or_else(|| wrong("expected NAME=A,B,C, like area=1,16".into()))?;
+    let values: Vec<String> = values.split(',').map(|value| value.trim().to_string()).collect();
+    Ok((Axis::named(name.trim()).map_err(wrong)?, values))
+}
+
+/// One value of each axis, in every way; the last axis varies fastest. Without axes, one empty way.
+fn combinations(axes: &[(Axis, Vec<String>)]) -> Vec<Vec<(Axis, String)>> {
+    let mut ways = vec![Vec::new()];
+    for (axis, values) in axes {
+        ways = ways
+            .iter()
+            .flat_map(|way| {
+                values.iter().map(|value| [way.as_slice(), &[(*axis, value.clone())]].concat())
+            })
+            .collect();
+    }
+    ways
+}
