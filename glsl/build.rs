@@ -86,7 +86,7 @@ fn scene_shaders(folder: &Path) -> String {
     text
 }
 
-/// The benchmark's shader pair, for each number of further varyings.
+/// The benchmark's shader pair, for each number of further varyings, and the kernels of its limits.
 fn bench_shaders(folder: &Path) -> String {
     let pair = [
         ("VERTEX", "surface.vert", ShaderStage::Vertex),
@@ -106,6 +106,11 @@ fn bench_shaders(folder: &Path) -> String {
             modules.join(", ")
         )
         .expect("a String takes all");
+    }
+    for (name, file) in [("COPY", "copy.comp"), ("ATOMIC", "atomic.comp")] {
+        let words = compile(&folder.join(file), ShaderStage::Compute, "");
+        writeln!(text, "/// SPIR-V of `{file}`.\npub const {name}: &[u32] = &{words:?};")
+            .expect("a String takes all");
     }
     text
 }

@@ -3,6 +3,7 @@
 use super::{
     geometry::{Kind, Model, Object, Random, Vertex, model},
     recipe::Recipe,
+    spirv,
 };
 use crate::{
     error::{Error, Result},
@@ -23,10 +24,6 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-mod spirv {
-    include!(concat!(env!("OUT_DIR"), "/bench.rs"));
-}
-
 /// Textures that the fragment shader declares.
 const MAPS: u32 = 8;
 
@@ -40,18 +37,18 @@ fn shaders(varyings: u32) -> Result<(Arc<Shader>, Arc<Shader>)> {
     let made = match MADE.get() {
         Some(made) => made,
         None => {
-            let pair = |((n, vertex), (_, fragment)): (&(u32, &[u32]), &(u32, &[u32]))| {
+            let pair = |at: usize| {
+                let ((n, vertex), (_, fragment)) = (spirv::VERTEX[at], spirv::FRAGMENT[at]);
                 let shader = |stage, label, words| {
                     Shader::from_spirv(stage, &format!("bench/{label} ({n})"), words).map(Arc::new)
                 };
                 Ok((
-                    *n,
+                    n,
                     shader(Stage::Vertex, "surface.vert", vertex)?,
                     shader(Stage::Fragment, "surface.frag", fragment)?,
                 ))
             };
-            let all = spirv::VERTEX.iter().zip(&spirv::FRAGMENT).map(pair);
-            let all = all.collect::<Result<_>>()?;
+            let all = (0..spirv::VERTEX.len()).map(pair).collect::<Result<_>>()?;
             MADE.get_or_init(|| all)
         }
     };

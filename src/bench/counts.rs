@@ -19,6 +19,8 @@ pub struct Counts {
     pub pipelines: usize,
     /// Compute: runs of vertex shaders, each vertex of a batch once.
     pub vertices: u64,
+    /// Compute: bytes of attributes that these runs read.
+    pub attribute_bytes: u64,
     /// Compute: sweeps of all stages.
     pub batches: usize,
     /// Compute: words that vertices leave for shading.
@@ -56,11 +58,19 @@ impl Counts {
             let topology = pass.pipelines[draw.pipeline].topology;
             u64::from(topology.primitives(draw.count)) * u64::from(draw.instances)
         });
+        // What one vertex of a draw reads; draws of one pass are near enough alike to take the mean.
+        let attributes = pass.draws.iter().map(|draw| {
+            let pipeline = &pass.pipelines[draw.pipeline];
+            pipeline.vertex_attributes.iter().map(|a| a.format.bytes() as u64).sum::<u64>()
+        });
+        let vertices = plan.batches.iter().map(|batch| u64::from(batch.vertices)).sum::<u64>();
+        let draws = pass.draws.len();
         Ok(Self {
+            attribute_bytes: vertices * attributes.sum::<u64>() / (draws as u64).max(1),
             triangles: triangles.sum(),
-            draws: pass.draws.len(),
+            draws,
             pipelines: used.len(),
-            vertices: plan.batches.iter().map(|batch| u64::from(batch.vertices)).sum(),
+            vertices,
             batches: plan.batches.len(),
             varying_words: plan.batches.iter().map(|batch| u64::from(batch.varying_words)).sum(),
         })

@@ -1,11 +1,12 @@
 //! Where figures come from: without it they are worth nothing.
 
+use super::limits::Rates;
 use crate::{abi, kernels, vk::DeviceInfo};
 use serde_json::{Value, json};
 use std::fs;
 
 /// The environment as it stands in every JSON of the benchmark.
-pub fn environment(device: &DeviceInfo) -> Value {
+pub fn environment(device: &DeviceInfo, rates: Rates) -> Value {
     let cpu = fs::read_to_string("/proc/cpuinfo").ok();
     let model = cpu.as_deref().and_then(|text| {
         let line = text.lines().find(|line| line.starts_with("model name"))?;
@@ -27,6 +28,10 @@ pub fn environment(device: &DeviceInfo) -> Value {
             "device_id": device.ids.1,
             "memory_bytes": device.memory_bytes,
             "subgroup_sizes": [device.subgroup_sizes.0, device.subgroup_sizes.1],
+        },
+        "rates": {
+            "copy_bytes_per_second": rates.copy.map(f64::round),
+            "atomics_per_second": rates.atomics.map(f64::round),
         },
         "cpu": model,
         "cores": std::thread::available_parallelism().map_or(1, |cores| cores.get()),

@@ -131,7 +131,7 @@ impl Recipe {
             Axis::Textures => self.textures = number(0..=8)?,
             Axis::Varyings => {
                 self.varyings = number(0..=12)?;
-                if self.varyings % 4 != 0 {
+                if !self.varyings.is_multiple_of(4) {
                     return Err(format!("`{text}` is no number of varyings: 0, 4, 8 or 12 is"));
                 }
             }

@@ -2,6 +2,7 @@
 
 use super::{
     alone::Alone,
+    limits::Least,
     recipe::Axis,
     run::{Measurement, Side},
     statistics::{Summary, Verdict, geometric_mean},
@@ -51,7 +52,14 @@ pub fn row(label: &Label, m: &Measurement) -> Value {
         })
         .collect();
     let stages = m.stages.iter().map(|stage| {
-        json!({ "stage": stage.stage, "dispatches": stage.dispatches, "ms": rounded(stage.ms) })
+        let least = Least::of(&stage.stage, &m.counts, label.extent);
+        json!({
+            "stage": stage.stage,
+            "dispatches": stage.dispatches,
+            "ms": rounded(stage.ms),
+            "least_bytes": least.map(|least| least.bytes),
+            "least_atomics": least.map(|least| least.atomics),
+        })
     });
     let mut compute = side(&m.compute);
     compute["stages"] = stages.collect();

@@ -1,6 +1,6 @@
 //! The named scenes.
 
-use super::recipe::{Order, Recipe, Shape};
+use super::recipe::{Axis, Order, Recipe, Shape};
 
 /// A generated scene.
 #[derive(Clone, Debug)]
@@ -84,7 +84,7 @@ pub fn find(name: &str) -> Option<Named> {
 }
 
 /// Areas and depths of the crossover: where compute and classic change places.
-pub const CROSSOVER: [(&str, &[&str]); 2] = [
-    ("area", &["0.25", "1", "4", "16", "64", "256", "4096", "full"]),
-    ("depth", &["1", "4", "16"]),
+pub const CROSSOVER: [(Axis, &[&str]); 2] = [
+    (Axis::Area, &["0.25", "1", "4", "16", "64", "256", "4096", "full"]),
+    (Axis::Depth, &["1", "4", "16"]),
 ];

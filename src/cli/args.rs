@@ -152,6 +152,9 @@ pub struct BenchArgs {
     /// Print comma-separated values instead of a table
     #[arg(long)]
     pub csv: bool,
+    /// Write a page with tables, bars and curves; without scenes, the crossover is measured too
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
     #[command(flatten)]
     pub view: ViewArgs,
     #[command(flatten)]

@@ -4,20 +4,21 @@ mod alone;
 mod cases;
 
 use super::{
-    args::{BenchArgs, BenchVerb},
+    args::{BenchArgs, BenchCompareArgs, BenchVerb},
     device,
     exit::Outcome,
-    output::{write_json, write_stdout},
+    output::{Output, write_json, write_stdout},
     talk,
 };
 use crate::{
-    bench::{self, Axis, Executors},
+    bench::{self, Axis, Executors, Rates},
     error::{Error, Result},
 };
 use cases::cases;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::{
     fmt::Write,
+    path::Path,
     time::{Duration, Instant},
 };
 
@@ -32,18 +33,28 @@ const STEPS: u64 = 100;
 /// Those of the scenes and of the executors; [`Error::Device`] if the device has no pipeline of its
 /// own to compare with.
 pub fn run(args: &BenchArgs) -> Result<Outcome> {
-    if let Some(BenchVerb::Compare(_args)) = &args.verb {
-        return Err(Error::Usage("not yet".into()));
+    if let Some(BenchVerb::Compare(args)) = &args.verb {
+        return compare(args);
     }
     if args.list {
         return write_stdout(list().as_bytes()).map(|()| Outcome::Done);
     }
     let cases = cases(args)?;
+    let report = args.report.as_deref().map(Output::new).transpose()?;
+    if let Some(report) = &report {
+        if report.is_stdout() {
+            return Err(Error::Usage(
+                "the results go to standard output, --report needs a file".into(),
+            ));
+        }
+        cases.iter().try_for_each(|case| case.keep_from(report))?;
+    }
     let gpu = device::open(&args.device)?;
     device::require_graphics(&gpu)?;
     if let (Some(backend), Some(case)) = (args.alone, cases.first()) {
         return alone::be(&gpu, backend, &case.pass()?);
     }
+    let rates = Rates::measure(&gpu)?;
     let mut executors = Executors::new(&gpu)?;
 
     let started = Instant::now();
@@ -72,13 +83,16 @@ pub fn run(args: &BenchArgs) -> Result<Outcome> {
         })?;
         let mut row = bench::row(label, &measured);
         drop(pass);
-        if !args.warm_only {
+        if case.alone && !args.warm_only {
             alone::add_to(&mut row, case, args, gpu.info());
         }
         rows.push(row);
     }
     drop(bar);
-    let document = bench::document(bench::environment(gpu.info()), rows, skipped);
+    let document = bench::document(bench::environment(gpu.info(), rates), rows, skipped);
+    if let Some(report) = &report {
+        report.write(bench::report(&document).as_bytes())?;
+    }
     if args.json {
         write_json(&document)?;
     } else if args.csv {
@@ -87,6 +101,24 @@ pub fn run(args: &BenchArgs) -> Result<Outcome> {
         write_stdout(bench::table(&document).as_bytes())?;
     }
     Ok(if bench::any_invalid(&document) { Outcome::Differ } else { Outcome::Done })
+}
+
+/// Prints what changed between two results. It is no failure if something became slower: whoever asks
+/// reads the verdicts.
+fn compare(args: &BenchCompareArgs) -> Result<Outcome> {
+    let read = |path: &Path| -> Result<Value> {
+        let text = std::fs::read(path).map_err(|e| Error::input(path, e))?;
+        let document = serde_json::from_slice(&text).map_err(|e| Error::input(path, e))?;
+        bench::check(&document).map_err(|reason| Error::input(path, reason))?;
+        Ok(document)
+    };
+    let diff = bench::diff(&read(&args.before)?, &read(&args.after)?);
+    if args.json {
+        write_json(&diff)?;
+    } else {
+        write_stdout(bench::diff_table(&diff).as_bytes())?;
+    }
+    Ok(Outcome::Done)
 }
 
 fn list() -> String {

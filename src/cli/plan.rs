@@ -188,7 +188,10 @@ impl SceneName {
     }
 
     /// Refuses to write over the scene.
-    fn keep_from(&self, output: &Output) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn keep_from(&self, output: &Output) -> Result<()> {
         match self {
             SceneName::File(path) if output.replaces(path) => Err(Error::Usage(format!(
                 "{} is the scene itself: writing there would replace it",

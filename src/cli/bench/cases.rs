@@ -2,6 +2,7 @@
 
 use super::super::{
     args::{BenchArgs, parse_size},
+    output::Output,
     plan::{SceneName, View},
     shot::Shot,
 };
@@ -19,6 +20,8 @@ const DEFAULT_SIZE: Extent = Extent::new(1920, 1080);
 pub struct Case {
     /// What it is of.
     pub label: Label,
+    /// Whether its first frames and its memory are measured too, in processes of their own.
+    pub alone: bool,
     source: Source,
 }
 
@@ -28,6 +31,17 @@ enum Source {
 }
 
 impl Case {
+    /// Refuses to write over the scene.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn keep_from(&self, output: &Output) -> Result<()> {
+        match &self.source {
+            Source::Generated(_) => Ok(()),
+            Source::Seen(view) => view.scene.keep_from(output),
+        }
+    }
+
     /// The pass; made anew each time, so that only one is in memory.
     ///
     /// # Errors
@@ -72,6 +86,7 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
         (typed, _) => typed.to_vec(),
     };
     let settings = combinations(&axes);
+    let crossover = args.scenes.is_empty() && axes.is_empty() && args.report.is_some();
     let mut cases = Vec::new();
     for extent in sizes {
         for typed in &typed {
@@ -91,6 +106,15 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
                 None => cases.push(seen(typed, extent, args)?),
             }
         }
+        if let (true, Some(sheet)) = (crossover, bench::find(bench::SHEET)) {
+            let axes = bench::CROSSOVER.map(|(axis, values)| {
+                (axis, values.iter().map(|value| value.to_string()).collect())
+            });
+            for settings in combinations(&axes) {
+                // They are about frames alone, and many.
+                cases.push(Case { alone: false, ..generated(&sheet, extent, &settings)? });
+            }
+        }
     }
     Ok(cases)
 }
@@ -104,7 +128,7 @@ fn generated(scene: &Named, extent: Extent, settings: &[(Axis, String)]) -> Resu
     }
     recipe.check().map_err(|reason| Error::Usage(format!("--axis: {reason}")))?;
     let label = Label { scene: scene.name.into(), extent, settings: settings.to_vec() };
-    Ok(Case { label, source: Source::Generated(recipe) })
+    Ok(Case { label, alone: true, source: Source::Generated(recipe) })
 }
 
 fn seen(typed: &str, extent: Extent, args: &BenchArgs) -> Result<Case> {
@@ -116,7 +140,7 @@ fn seen(typed: &str, extent: Extent, args: &BenchArgs) -> Result<Case> {
     })?;
     let view = View::new(scene, extent, &args.view)?;
     let label = Label { scene: typed.into(), extent, settings: Vec::new() };
-    Ok(Case { label, source: Source::Seen(view) })
+    Ok(Case { label, alone: true, source: Source::Seen(view) })
 }
 
 /// `name=a,b,c`.
