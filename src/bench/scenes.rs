@@ -83,8 +83,9 @@ pub fn find(name: &str) -> Option<Named> {
     named().into_iter().find(|scene| scene.name == name)
 }
 
-/// Areas and depths of the crossover: where compute and classic change places.
+/// Depths and areas of the crossover: where compute and classic change places. A budget that does not
+/// suffice leaves whole curves, and those of few layers first.
 pub const CROSSOVER: [(Axis, &[&str]); 2] = [
-    (Axis::Area, &["0.25", "1", "4", "16", "64", "256", "4096", "full"]),
     (Axis::Depth, &["1", "4", "16"]),
+    (Axis::Area, &["full", "4096", "256", "64", "16", "4", "1", "0.25"]),
 ];

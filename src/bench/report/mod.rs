@@ -102,7 +102,7 @@ fn stages(html: &mut Html, rows: &[Value]) {
 }
 
 fn crossover(html: &mut Html, rows: &[Value]) {
-    html.section("Crossover", "Where compute and classic change places, by the area of a triangle and the number of layers. Rows that vary the axis `area`.");
+    html.section("Crossover", "Where compute and classic change places, by the area of a triangle and the number of layers. From rows that vary the axis area.");
     let plots = plot::crossovers(rows);
     if plots.is_empty() {
         html.line("<p>No row of this run varies the area: <code>tilewright bench --report</code> without scenes does, as does <code>--axis area=…</code></p>");
@@ -135,13 +135,18 @@ fn limits(html: &mut Html, document: &Value, rows: &[Value]) {
     let rates = &document["environment"]["rates"];
     let copy = rates["copy_bytes_per_second"].as_f64();
     let atomics = rates["atomics_per_second"].as_f64();
-    html.section("Limits", "How close each stage comes to what the device could do at best: the time in which its least work could be copied and counted, as part of the time that it takes. Least work is what goes in and out by the stage's contract. A dash: not counted.");
+    html.section("Limits", "How close each stage comes to what the device could do at best: the time in which its least work could be copied and counted, as part of the time that it takes. Least work is what goes in and out by the stage's contract. Stages whose work depends on what is seen are not counted.");
     html.line(&format!(
         "<p>Measured here: copying {} GB a second, reads and writes together; {} million scattered atomic additions a second.</p>",
         copy.map_or("-".into(), |rate| format!("{:.1}", rate / 1e9)),
         atomics.map_or("-".into(), |rate| format!("{:.0}", rate / 1e6)),
     ));
-    let names = plot::stage_names(rows);
+    let counted = |name: &String| {
+        let stages = rows.iter().filter_map(|row| row["compute"]["stages"].as_array()).flatten();
+        let mut of_it = stages.filter(|stage| stage["stage"] == name.as_str());
+        of_it.any(|stage| stage["least_bytes"].is_number())
+    };
+    let names: Vec<_> = plot::stage_names(rows).into_iter().filter(counted).collect();
     html.line("<table><tr><th class=l>scene");
     names.iter().for_each(|name| html.line(&format!("<th>{}", escape(name))));
     for row in rows {

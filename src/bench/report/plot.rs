@@ -237,6 +237,8 @@ fn curve(
     points: &[Point],
     (x, y): (&dyn Fn(f64) -> f64, &dyn Fn(f64) -> f64),
 ) {
+    let mut points: Vec<&Point> = points.iter().collect();
+    points.sort_by(|a, b| a.area.total_cmp(&b.area));
     let path: Vec<_> =
         points.iter().map(|p| format!("{:.1},{:.1}", x(p.area), y(p.ratio))).collect();
     let _ = write!(
