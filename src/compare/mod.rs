@@ -1,4 +1,5 @@
-//! Whether two executors drew the same picture: pure functions on images, and the id pass.
+//! Whether two executors drew the same picture: pure functions on images, the id pass, and both executors
+//! asked for them (`Both`).
 //!
 //! Colour alone cannot say whether two rasterizers agree: two neighbouring triangles of one material
 //! look alike, and one pixel of a shaded surface may differ by a rounding. So a [`Pass`] is
