@@ -18,6 +18,8 @@ pub const SCHEMA_VERSION: u32 = 1;
 pub struct Label {
     /// The scene as it was typed.
     pub scene: String,
+    /// The scene as it is shown: a file without its folder.
+    pub title: String,
     /// Size of the picture.
     pub extent: Extent,
     /// What was set along which axis.
@@ -25,10 +27,10 @@ pub struct Label {
 }
 
 impl Label {
-    /// The scene and its settings.
+    /// The title and the settings.
     pub fn name(&self) -> String {
         let settings = self.settings.iter().map(|(axis, text)| format!(" {}={text}", axis.name()));
-        std::iter::once(self.scene.clone()).chain(settings).collect()
+        std::iter::once(self.title.clone()).chain(settings).collect()
     }
 }
 

@@ -116,7 +116,27 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
             }
         }
     }
+    shorten(&mut cases);
     Ok(cases)
+}
+
+/// Leaves the folders of files out of their titles, where these still differ without.
+fn shorten(cases: &mut [Case]) {
+    let short = |case: &Case| match &case.source {
+        Source::Seen(View { scene: SceneName::File(path), .. }) => {
+            path.file_name().map(|name| name.to_string_lossy().into_owned())
+        }
+        _ => None,
+    };
+    let files: Vec<_> = cases.iter().map(|case| (case.label.scene.clone(), short(case))).collect();
+    for (case, (scene, short)) in cases.iter_mut().zip(&files) {
+        let another = |(other, name): &(String, Option<String>)| other != scene && name == short;
+        if let Some(short) = short
+            && !files.iter().any(another)
+        {
+            case.label.title = short.clone();
+        }
+    }
 }
 
 fn generated(scene: &Named, extent: Extent, settings: &[(Axis, String)]) -> Result<Case> {
@@ -127,7 +147,12 @@ fn generated(scene: &Named, extent: Extent, settings: &[(Axis, String)]) -> Resu
             .map_err(|reason| Error::Usage(format!("--axis {}: {reason}", axis.name())))?;
     }
     recipe.check().map_err(|reason| Error::Usage(format!("--axis: {reason}")))?;
-    let label = Label { scene: scene.name.into(), extent, settings: settings.to_vec() };
+    let label = Label {
+        scene: scene.name.into(),
+        title: scene.name.into(),
+        extent,
+        settings: settings.to_vec(),
+    };
     Ok(Case { label, alone: true, source: Source::Generated(recipe) })
 }
 
@@ -139,7 +164,7 @@ fn seen(typed: &str, extent: Extent, args: &BenchArgs) -> Result<Case> {
         other => other,
     })?;
     let view = View::new(scene, extent, &args.view)?;
-    let label = Label { scene: typed.into(), extent, settings: Vec::new() };
+    let label = Label { scene: typed.into(), title: typed.into(), extent, settings: Vec::new() };
     Ok(Case { label, alone: true, source: Source::Seen(view) })
 }
 
@@ -164,4 +189,66 @@ fn combinations(axes: &[(Axis, Vec<String>)]) -> Vec<Vec<(Axis, String)>> {
             .collect();
     }
     ways
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::args::{Typed, Verb};
+    use super::*;
+    use clap::Parser;
+
+    fn cases_of(line: &[&str]) -> Vec<Case> {
+        let typed = Typed::try_parse_from(["tilewright", "bench"].iter().chain(line));
+        let Verb::Bench(args) = typed.unwrap_or_else(|e| panic!("{e}")).verb else {
+            unreachable!()
+        };
+        cases(&args).unwrap()
+    }
+
+    fn names(line: &[&str]) -> Vec<String> {
+        let name = |case: &Case| format!("{} {}", case.label.name(), case.label.extent);
+        cases_of(line).iter().map(name).collect()
+    }
+
+    #[test]
+    fn without_scenes_all_named_ones_and_for_a_page_the_crossover() {
+        let all = cases_of(&[]);
+        assert_eq!(all.len(), bench::named().len() - 1);
+        assert!(all.iter().all(|case| case.alone && case.label.scene != bench::SHEET));
+        let page = cases_of(&["--report", "page.html"]);
+        assert_eq!(page.len(), all.len() + 24);
+        assert!(page[all.len()..].iter().all(|case| !case.alone));
+    }
+
+    #[test]
+    fn the_last_axis_varies_fastest_and_sizes_slowest() {
+        let line = ["--axis", "depth=1,2", "--axis", "size=8x8,9x9", "--axis", "area=4, full"];
+        assert_eq!(
+            names(&line),
+            [
+                "sheet depth=1 area=4 8x8",
+                "sheet depth=1 area=full 8x8",
+                "sheet depth=2 area=4 8x8",
+                "sheet depth=2 area=full 8x8",
+                "sheet depth=1 area=4 9x9",
+                "sheet depth=1 area=full 9x9",
+                "sheet depth=2 area=4 9x9",
+                "sheet depth=2 area=full 9x9",
+            ]
+        );
+    }
+
+    #[test]
+    fn files_are_shown_without_their_folders_if_they_still_differ() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, "").unwrap();
+            path.to_str().unwrap().to_string()
+        };
+        let [a, b, c] = ["one/a.glb", "two/a.glb", "two/c.glb"].map(file);
+        let found = names(&[&a, &b, &c, "--size", "8x8"]);
+        assert_eq!(found, [format!("{a} 8x8"), format!("{b} 8x8"), "c.glb 8x8".to_string()]);
+    }
 }
