@@ -2,9 +2,12 @@
 
 use crate::image::Extent;
 
-/// The most triangles that a generated scene has: its vertices still fit the smallest buffer that a
-/// Vulkan device may call its largest.
+/// The most triangles that stand in one pair of buffers: as many as fit the smallest that a Vulkan device
+/// may call its largest.
 pub const MOST_TRIANGLES: u32 = 1 << 22;
+
+/// The most triangles of a ball, which is made of parts.
+pub const MOST_OF_A_BALL: u32 = 1 << 26;
 
 /// The geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,7 +120,11 @@ impl Recipe {
             Axis::Count if self.shape == Shape::Hall => {
                 return Err("the scene `large` has no axis `count`: it is few triangles".into());
             }
-            Axis::Count => self.count = Some(number(1..=MOST_TRIANGLES)?),
+            Axis::Count => {
+                let ball = self.shape == Shape::Ball;
+                let most = if ball { MOST_OF_A_BALL } else { MOST_TRIANGLES };
+                self.count = Some(number(1..=most)?);
+            }
             Axis::Order => {
                 self.order = match text {
                     "near" => Order::Near,
@@ -239,7 +246,7 @@ impl Axis {
     /// All of them, with what their values are.
     pub const ALL: [(Axis, &'static str); 12] = [
         (Axis::Area, "pixels that a triangle covers, 0.25 or more, or full; of `sheet`"),
-        (Axis::Count, "triangles, up to 4194304"),
+        (Axis::Count, "triangles, up to 4194304; of a ball (small-1m), up to 67108864"),
         (Axis::Depth, "layers, up to 1024; of `sheet`"),
         (Axis::Order, "near, far or random: what is drawn first"),
         (Axis::Size, "WxH, as --size"),

@@ -30,8 +30,8 @@ const STEPS: u64 = 100;
 /// Measures what was asked for.
 ///
 /// # Errors
-/// Those of the scenes and of the executors; [`Error::Device`] if the device has no pipeline of its
-/// own to compare with.
+/// Those of the scenes and of the executors, the first of them after the results of all other rows were
+/// printed; [`Error::Device`] if the device has no pipeline of its own to compare with.
 pub fn run(args: &BenchArgs) -> Result<Outcome> {
     if let Some(BenchVerb::Compare(args)) = &args.verb {
         return compare(args);
@@ -61,38 +61,49 @@ pub fn run(args: &BenchArgs) -> Result<Outcome> {
     let bar = talk::progress("measuring", cases.len() as u64 * STEPS);
     // The processes of a row take about as long as its rounds.
     let in_here = if args.warm_only { 1.0 } else { 0.5 };
-    let (mut rows, mut skipped) = (Vec::new(), Vec::new());
+    let (mut rows, mut skipped, mut failed) = (Vec::new(), Vec::new(), None);
     for (number, case) in cases.iter().enumerate() {
         let label = &case.label;
         let before = number as u64 * STEPS;
         bar.say(label.name());
         bar.done(before);
+        let mut skip = |reason: String| {
+            let (name, size) = (label.name(), label.extent.to_string());
+            skipped.push(json!({ "name": name, "size": size, "reason": reason }));
+        };
+        if matches!(failed, Some(Error::Lost(_))) {
+            skip("the device was lost before".into());
+            continue;
+        }
         let left = args.budget.map(|budget| f64::from(budget) - started.elapsed().as_secs_f64());
         if left.is_some_and(|left| left <= 0.0) && number > 0 {
-            let reason = "the time that --budget allows was used up";
-            skipped.push(json!({
-                "name": label.name(), "size": label.extent.to_string(), "reason": reason,
-            }));
+            skip("the time that --budget allows was used up".into());
             continue;
         }
         let share = left.map_or(ROW_SECONDS, |left| left / (cases.len() - number) as f64);
         let row_budget = Duration::from_secs_f64(share.clamp(0.0, ROW_SECONDS));
-        let pass = case.pass()?;
-        let measured = bench::measure(&mut executors, &pass, row_budget, &mut |part| {
-            bar.done(before + (part * in_here * STEPS as f64) as u64);
-        })?;
-        let mut row = bench::row(label, &measured);
-        drop(pass);
-        if case.alone && !args.warm_only {
-            alone::add_to(&mut row, case, args, gpu.info());
+        let measured = case.pass().and_then(|pass| {
+            bench::measure(&mut executors, &pass, row_budget, &mut |part| {
+                bar.done(before + (part * in_here * STEPS as f64) as u64);
+            })
+        });
+        match measured {
+            Ok(measured) => {
+                let mut row = bench::row(label, &measured);
+                if case.alone && !args.warm_only {
+                    alone::add_to(&mut row, case, args, gpu.info());
+                }
+                rows.push(row);
+            }
+            // The rows that were measured are no worse for it.
+            Err(error) => {
+                skip(error.to_string());
+                failed.get_or_insert(error);
+            }
         }
-        rows.push(row);
     }
     drop(bar);
     let document = bench::document(bench::environment(gpu.info(), rates), rows, skipped);
-    if let Some(report) = &report {
-        report.write(bench::report(&document).as_bytes())?;
-    }
     if args.json {
         write_json(&document)?;
     } else if args.csv {
@@ -100,7 +111,14 @@ pub fn run(args: &BenchArgs) -> Result<Outcome> {
     } else {
         write_stdout(bench::table(&document).as_bytes())?;
     }
-    Ok(if bench::any_invalid(&document) { Outcome::Differ } else { Outcome::Done })
+    if let Some(report) = &report {
+        report.write(bench::report(&document).as_bytes())?;
+    }
+    match failed {
+        _ if bench::any_invalid(&document) => Ok(Outcome::Differ),
+        Some(error) => Err(error),
+        None => Ok(Outcome::Done),
+    }
 }
 
 /// Prints what changed between two results. It is no failure if something became slower: whoever asks

@@ -98,6 +98,19 @@ fn what_does_not_fit_into_the_budget_is_listed() {
 }
 
 #[test]
+fn a_scene_that_cannot_be_drawn_leaves_the_others_their_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let broken = folder.path().join("broken.glb");
+    fs::write(&broken, "glTF but not really").unwrap();
+    let line = ["bench", broken.to_str().unwrap(), "builtin:triangle", "--size", "16x16"];
+    let run = run(line.into_iter().chain(["--warm-only", "--json"])).expect(4);
+    let results = run.json();
+    assert_eq!(results["rows"][0]["scene"], "builtin:triangle");
+    assert_eq!(results["skipped"][0]["name"], "broken.glb");
+    run.saying(&["broken.glb"]);
+}
+
+#[test]
 fn a_line_that_makes_no_sense_is_refused_before_a_device_is_opened() {
     for (line, said) in [
         (&["no-such-scene"][..], "--list"),

@@ -21,6 +21,7 @@ pub fn report(document: &Value) -> String {
     let mut html = Html::new("tilewright bench: compute against classic");
     summary(&mut html, document, rows);
     results(&mut html, rows);
+    skipped(&mut html, &document["skipped"]);
     stages(&mut html, rows);
     crossover(&mut html, rows);
     cost(&mut html, rows);
@@ -88,6 +89,13 @@ fn results(html: &mut Html, rows: &[Value]) {
             "<p class=invalid>{}: the pictures differ, so that its times say nothing.</p>",
             label(row)
         ));
+    }
+}
+
+fn skipped(html: &mut Html, skipped: &Value) {
+    for row in skipped.as_array().into_iter().flatten() {
+        let reason = escape(&text(&row["reason"]));
+        html.line(&format!("<p class=ambiguous>{}: not measured: {reason}</p>", label(row)));
     }
 }
 
@@ -222,6 +230,7 @@ mod tests {
                 row("y", json!("full"), 1, 0.25, "SLOWER"),
                 row("z", json!(4.0), 4, 1.0, "INVALID"),
             ],
+            "skipped": [{ "name": "never", "size": "1x1", "reason": "no & time" }],
         })
     }
 
@@ -243,7 +252,7 @@ mod tests {
     #[test]
     fn losing_and_invalid_rows_are_on_the_page() {
         let page = report(&document());
-        for shown in ["SLOWER", "INVALID", "0.25", "the pictures differ"] {
+        for shown in ["SLOWER", "INVALID", "0.25", "the pictures differ", "no &amp; time"] {
             assert!(page.contains(shown), "{shown}");
         }
         // A row whose pictures differ is no part of the mean: the root of 2 times a quarter.
