@@ -3,6 +3,7 @@
 //! Writes to `OUT_DIR`:
 //! * `kernels.rs`: a module per kernel with its SPIR-V;
 //! * `scene.rs`: the SPIR-V of the scenes' shader pair;
+//! * `bench.rs`: that of the benchmark's shader pair and of its kernels;
 //! * `layout.rs`: one assertion per field of `abi.rs` against the offsets that the compiler chose
 //!   for `abi.comp`.
 
@@ -58,8 +59,13 @@ fn main() {
         )
         .expect("a String takes all");
     }
+    let all: Vec<_> = names.iter().filter(|n| *n != "abi").map(|n| n.to_uppercase()).collect();
+    writeln!(kernels, "/// All of them, for the benchmark to name.\n#[cfg(feature = \"glsl\")]\npub const ALL: &[&[u32]] = &[{}];", all.join(", "))
+        .expect("a String takes all");
     fs::write(out.join("kernels.rs"), kernels).expect("OUT_DIR is writable");
     fs::write(out.join("scene.rs"), scene_shaders(&root.join("scene")))
+        .expect("OUT_DIR is writable");
+    fs::write(out.join("bench.rs"), bench_shaders(&root.join("bench")))
         .expect("OUT_DIR is writable");
 }
 
@@ -74,6 +80,35 @@ fn scene_shaders(folder: &Path) -> String {
     let mut text = String::new();
     for (name, file, stage, defines) in pair {
         let words = compile(&folder.join(file), stage, defines);
+        writeln!(text, "/// SPIR-V of `{file}`.\npub const {name}: &[u32] = &{words:?};")
+            .expect("a String takes all");
+    }
+    text
+}
+
+/// The benchmark's shader pair, for each number of further varyings, and the kernels of its limits.
+fn bench_shaders(folder: &Path) -> String {
+    let pair = [
+        ("VERTEX", "surface.vert", ShaderStage::Vertex),
+        ("FRAGMENT", "surface.frag", ShaderStage::Fragment),
+    ];
+    let mut text = String::new();
+    for (name, file, stage) in pair {
+        let modules = [0, 4, 8, 12].map(|varyings| {
+            let defines = format!("#define VARYINGS {varyings}\n");
+            format!("({varyings}, &{:?})", compile(&folder.join(file), stage, &defines))
+        });
+        writeln!(
+            text,
+            "/// SPIR-V of `{file}` with so many further varyings.\n\
+             pub const {name}: [(u32, &[u32]); {}] = [{}];",
+            modules.len(),
+            modules.join(", ")
+        )
+        .expect("a String takes all");
+    }
+    for (name, file) in [("COPY", "copy.comp"), ("ATOMIC", "atomic.comp")] {
+        let words = compile(&folder.join(file), ShaderStage::Compute, "");
         writeln!(text, "/// SPIR-V of `{file}`.\npub const {name}: &[u32] = &{words:?};")
             .expect("a String takes all");
     }

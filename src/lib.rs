@@ -10,7 +10,7 @@
 //! * [`mod@reference`]: the CPU, exact, in the simplest way that could be right: the truth about coverage, depth
 //!   and primitive ids.
 //!
-//! Everything else ([`scene`], [`compare`], [`cli`]) is a user of that vocabulary like anyone else. The
+//! Everything else ([`scene`], [`compare`], `bench`, [`cli`]) is a user of that vocabulary like anyone else. The
 //! engine contains no shading of its own: a glTF material is an ordinary pair of shaders too.
 //!
 //! # Code map
@@ -28,9 +28,10 @@
 //! | [`vk`] | devices, memory, kernels, and the only thing that dispatches |
 //! | [`scene`] | glTF, OBJ and built-in scenes as passes |
 //! | [`compare`] | whether two executors drew the same picture |
+//! | `bench` | which of two executors draws a pass faster |
 //! | [`cli`] | the `tilewright` tool |
 //!
-//! Dependencies point one way: `cli` to `scene` and `compare`, these to the vocabulary, the executors to
+//! Dependencies point one way: `cli` to `scene`, `bench` and `compare`, these to the vocabulary, the executors to
 //! the vocabulary and to `vk`. To follow a triangle, start at [`compute`] and read its stages in order.
 //!
 //! # Features
@@ -52,6 +53,8 @@
 #![warn(missing_docs)]
 
 pub mod abi;
+#[cfg(feature = "glsl")]
+pub mod bench;
 mod cache;
 pub mod classic;
 #[cfg(feature = "cli")]

@@ -1,5 +1,6 @@
 //! The test suite: one binary, one module for each question it answers.
 
+mod bench;
 mod classic;
 mod cli;
 mod common;

@@ -60,6 +60,25 @@ Examples:
   tilewright parity scene.glb
   tilewright parity builtin:teapot --size 800x600 --json --diff differences.png")]
     Parity(ParityArgs),
+    /// Time compute kernels against the device's own pipeline
+    #[command(
+        args_conflicts_with_subcommands = true,
+        after_help = "\
+Without scenes, all named ones are drawn. Each row is one scene at one size: the pictures are compared,
+then both draw in turns. RATIO is classic time / compute time, so that more than 1 is faster. A verdict
+is FASTER or SLOWER if the whole 95 % interval of the ratio is on one side of 1 and the ratio is off by
+more than 2 %, SAME if the interval is within 2 % of 1, INVALID if the pictures differ, AMBIGUOUS
+otherwise.
+
+Examples:
+  tilewright bench
+  tilewright bench large small-1m scene.glb builtin:still-life --size 1920x1080 --size 512x512
+  tilewright bench --axis area=0.25,1,16,full --axis depth=1,8 --json > area.json
+  tilewright bench --report report.html --budget 600
+  tilewright bench compare before.json after.json
+  tilewright bench --list"
+    )]
+    Bench(BenchArgs),
     /// Check what the splicer makes of shaders
     #[command(after_help = "\
 Example:
@@ -110,6 +129,68 @@ pub struct ParityArgs {
 }
 
 #[derive(Debug, Args)]
+pub struct BenchArgs {
+    #[command(subcommand)]
+    pub verb: Option<BenchVerb>,
+    /// Named scenes (--list), .gltf, .glb and .obj files, `builtin:NAME` [default: all named scenes]
+    #[arg(value_name = "SCENE")]
+    pub scenes: Vec<String>,
+    /// Pixels across and down; can be given several times [default: 1920x1080]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Vec<Extent>,
+    /// Vary generated scenes along an axis (--list); several make every combination
+    #[arg(long, value_name = "NAME=A,B,C")]
+    pub axis: Vec<String>,
+    /// Seconds that the whole run may take, about; what does not fit is left out and listed
+    #[arg(long, value_name = "SECONDS", value_parser = parse_budget)]
+    pub budget: Option<f32>,
+    /// List scenes and axes
+    #[arg(long, conflicts_with_all = ["scenes", "size", "axis", "budget"])]
+    pub list: bool,
+    /// Leave out the first frames and the memory, which take processes of their own
+    #[arg(long)]
+    pub warm_only: bool,
+    /// Be such a process
+    #[arg(long, value_enum, hide = true, conflicts_with_all = ["list", "csv", "budget"])]
+    pub alone: Option<Backend>,
+    /// Print JSON instead of a table
+    #[arg(long, conflicts_with = "csv")]
+    pub json: bool,
+    /// Print comma-separated values instead of a table
+    #[arg(long)]
+    pub csv: bool,
+    /// Write a page with tables, bars and curves; without scenes, the crossover is measured too
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    #[command(flatten)]
+    pub view: ViewArgs,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum BenchVerb {
+    /// Compare two results of --json
+    #[command(after_help = "\
+Example:
+  tilewright bench compare before.json after.json")]
+    Compare(BenchCompareArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct BenchCompareArgs {
+    /// The earlier results
+    #[arg(value_name = "A.json")]
+    pub before: PathBuf,
+    /// The later results
+    #[arg(value_name = "B.json")]
+    pub after: PathBuf,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
 pub struct ConformArgs {
     #[command(subcommand)]
     pub subject: ConformSubject,
@@ -155,6 +236,13 @@ pub struct SceneArgs {
     /// Pixels across and down, each 1 to 16384
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size)]
     pub size: Extent,
+    #[command(flatten)]
+    pub view: ViewArgs,
+}
+
+/// How a scene is looked at.
+#[derive(Debug, Args)]
+pub struct ViewArgs {
     /// A camera of the file, by name or number [default: the first; without one, frame the scene]
     #[arg(long, value_name = "NAME|INDEX", conflicts_with_all = ["eye", "target", "up"])]
     pub camera: Option<String>,
@@ -233,7 +321,7 @@ pub struct Vec3(pub [f32; 3]);
 /// Pixels in each direction that a [`Pass`](crate::pass::Pass) can have.
 const MAX_SIDE_PX: u32 = 16384;
 
-fn parse_size(text: &str) -> Result<Extent, String> {
+pub fn parse_size(text: &str) -> Result<Extent, String> {
     let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE_PX).contains(side));
     text.split_once(['x', 'X'])
         .and_then(|(width, height)| Some(Extent::new(side(width)?, side(height)?)))
@@ -270,6 +358,12 @@ fn parse_timeout(text: &str) -> Result<Seconds, String> {
         .filter(|time| !time.is_zero())
         .map(Seconds)
         .ok_or_else(|| "expected seconds, more than 0, like 600".into())
+}
+
+fn parse_budget(text: &str) -> Result<f32, String> {
+    parse_finite(text)
+        .filter(|&seconds| seconds > 0.0)
+        .ok_or_else(|| "expected seconds, more than 0, like 60".into())
 }
 
 fn parse_finite(text: &str) -> Option<f32> {

@@ -5,7 +5,7 @@
 
 use super::{args::DeviceArgs, talk};
 use crate::{
-    error::Result,
+    error::{Error, Result},
     vk::{DeviceInfo, Gpu, GpuOptions, Require},
 };
 use serde_json::{Value, json};
@@ -25,6 +25,25 @@ pub fn open(args: &DeviceArgs) -> Result<Gpu> {
     let gpu = Gpu::open(&GpuOptions { device, require, timeout, ..GpuOptions::default() })?;
     talk::line(format_args!("device: {}", gpu.info()));
     Ok(gpu)
+}
+
+/// Refuses a device whose own pipeline cannot be compared with.
+///
+/// # Errors
+/// [`Error::Device`].
+pub fn require_graphics(gpu: &Gpu) -> Result<()> {
+    let lacks = if !gpu.has_graphics() {
+        "does not draw by itself, so there is nothing to compare with"
+    } else if !gpu.has_primitive_ids() {
+        "draws without gl_PrimitiveID (its feature geometryShader), so nobody can tell which triangle \
+         won a pixel"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Device(format!(
+        "{} {lacks}; choose another device (`tilewright devices` lists them)",
+        gpu.info().name
+    )))
 }
 
 /// The device as it stands in every JSON this tool writes.

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `args` | what was typed: flags, their values, the help |
 //! | `plan` | what will be done: every check that needs no device, before any work |
-//! | `render`, `parity`, `conform`, `devices`, `doctor` | the verbs |
+//! | `render`, `parity`, `bench`, `conform`, `devices`, `doctor` | the verbs |
 //! | `device` | opening the device that was asked for, and saying which one it is |
 //! | `output` | files that appear whole or not at all; standard output |
 //! | `talk` | all that is said on standard error |
@@ -14,6 +14,7 @@
 //! command line is checked first, then the outputs, then the device, and only then is a scene read.
 
 mod args;
+mod bench;
 mod conform;
 mod device;
 mod devices;
@@ -52,6 +53,7 @@ fn dispatch(verb: Verb) -> Result<Outcome> {
     match verb {
         Verb::Render(args) => render::run(&args),
         Verb::Parity(args) => parity::run(&args),
+        Verb::Bench(args) => bench::run(&args),
         Verb::Conform(ConformArgs { subject: ConformSubject::Shaders(args) }) => {
             conform::shaders(&args)
         }

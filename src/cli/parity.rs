@@ -12,13 +12,10 @@ use super::{
 };
 use crate::{
     classic,
-    compare::{self, Difference, Drawn, IdPass, Limits, clipping::any_crosses},
+    compare::{self, Both, Difference, Drawn, IdPass},
     compute,
-    error::{Error, Result},
-    format::Format,
+    error::Result,
     image::Extent,
-    pass::{Draw, Executor, Pass},
-    reference,
 };
 use serde_json::{Value, json};
 
@@ -28,76 +25,35 @@ const EXAMPLES: usize = 3;
 /// Draws the scene and its id pass by both executors and prints the figures.
 ///
 /// # Errors
-/// Those of the scene and of the executors; [`Error::Device`] if the device has no pipeline of its
+/// Those of the scene and of the executors; [`crate::Error::Device`] if the device has no pipeline of its
 /// own to compare with, or one that cannot name its triangles.
 pub fn run(args: &ParityArgs) -> Result<Outcome> {
     let plan = ParityPlan::new(args)?;
     let gpu = device::open(&args.device)?;
-    let lacks = if !gpu.has_graphics() {
-        Some("does not draw by itself, so there is nothing to compare with")
-    } else if !gpu.has_primitive_ids() {
-        Some(
-            "draws without gl_PrimitiveID (its feature geometryShader), so nobody can tell which \
-             triangle won a pixel",
-        )
-    } else {
-        None
-    };
-    if let Some(lacks) = lacks {
-        return Err(Error::Device(format!(
-            "{} {lacks}; choose another device (`tilewright devices` lists them)",
-            gpu.info().name
-        )));
-    }
-    let mut shot = Shot::new(&plan.view)?;
-    // What shaders computed and blending made of it is compared, not how a driver rounds it on its
-    // way into 8 bits: lavapipe encodes sRGB by an approximation that is off by up to 2 of 255, and
-    // blends 8-bit targets in 8 bits. Both drawings are encoded alike, by the definition.
-    shot.pass.color.format = Format::Rgba16Float;
-    let ids = compare::id_pass(&shot.pass)?;
-
-    let drawing = talk::progress("drawing", 4);
+    device::require_graphics(&gpu)?;
+    let shot = Shot::new(&plan.view)?;
+    let drawing = talk::progress("drawing", Both::STEPS);
     let mut compute = compute::Renderer::new(&gpu)?;
-    let compute_frame = compute.render(&shot.pass)?;
-    drawing.done(1);
-    let compute_ids = compute.render(&ids.pass)?;
-    let crosses = crosses_border(&mut compute, &ids.pass)?;
-    drop(compute);
-    drawing.done(2);
     let mut classic = classic::Renderer::new(&gpu)?;
-    let classic_frame = classic.render(&shot.pass)?;
-    drawing.done(3);
-    let classic_ids = classic.render(&ids.pass)?;
-    drop((classic, drawing));
+    let both = Both::draw(&mut compute, &mut classic, &shot.pass, |done| drawing.done(done))?;
+    drop((compute, classic, drawing));
 
-    let by_compute = Drawn { frame: &compute_frame, ids: &compute_ids };
-    let by_classic = Drawn { frame: &classic_frame, ids: &classic_ids };
-    let difference = compare::compare(by_compute, by_classic)?;
-    let limits = Limits::new(difference.pixels, crosses);
-    let same = limits.allow(&difference);
+    let by_compute = Drawn { frame: &both.compute.0, ids: &both.compute.1 };
+    let by_classic = Drawn { frame: &both.classic.0, ids: &both.classic.1 };
+    let same = both.same();
     if !same {
-        examples(&ids, by_compute, by_classic)?.iter().for_each(talk::line);
+        examples(&both.ids, by_compute, by_classic)?.iter().for_each(talk::line);
     }
     if let Some(output) = &plan.difference {
         let image = compare::difference_picture(by_compute, by_classic)?;
         output.write(&picture::encode(&image, gpu.info(), &plan.view.scene)?)?;
     }
     if plan.json {
-        write_json(&figures(&difference))?;
+        write_json(&figures(&both.difference))?;
     } else {
-        write_stdout(table(&difference, &limits, crosses).as_bytes())?;
+        write_stdout(table(&both).as_bytes())?;
     }
     Ok(if same { Outcome::Done } else { Outcome::Differ })
-}
-
-/// Whether a triangle of `pass` crosses the border, by the clip-space positions that the vertex
-/// stage leaves in a trace. They do not depend on the size of the picture, so one pixel is traced.
-fn crosses_border(compute: &mut compute::Renderer, pass: &Pass) -> Result<bool> {
-    let whole = |draw: &Draw| Draw { viewport: None, scissor: None, ..draw.clone() };
-    let draws = pass.draws.iter().map(whole).collect();
-    let (_, trace) = compute.trace(&Pass { extent: Extent::new(1, 1), draws, ..pass.clone() })?;
-    let batches = 0..trace.batches.len();
-    Ok(batches.into_iter().any(|batch| any_crosses(reference::corners(&trace, batch))))
 }
 
 /// The figures and nothing else: scripts rely on these keys.
@@ -112,16 +68,17 @@ fn figures(difference: &Difference) -> Value {
     })
 }
 
-fn table(difference: &Difference, limits: &Limits, crosses: bool) -> String {
+fn table(both: &Both) -> String {
+    let Both { difference, limits, .. } = both;
     let count = |name: &str, found: u64, limit: u64| {
         let verdict = if found <= limit { "" } else { "  over" };
         format!("{name:<20} {found:>10} {limit:>10}{verdict}\n")
     };
     let depth_over = if difference.depth_max <= limits.depth_max { "" } else { "  over" };
-    let why = if crosses {
-        "triangles cross the border of the picture"
-    } else {
-        "no triangle crosses the border of the picture"
+    let why = match both.crosses {
+        Some(true) => "triangles cross the border of the picture",
+        Some(false) => "no triangle crosses the border of the picture",
+        None => "as if no triangle crossed the border of the picture",
     };
     [
         format!("{:<20} {:>10} {:>10}  ({why})\n", "", "found", "limit"),
@@ -134,10 +91,7 @@ fn table(difference: &Difference, limits: &Limits, crosses: bool) -> String {
             "{:<20} {:>10.1e} {:>10.1e}{depth_over}\n",
             "depth_max", difference.depth_max, limits.depth_max
         ),
-        format!(
-            "the pictures are {}\n",
-            if limits.allow(difference) { "the same" } else { "DIFFERENT" }
-        ),
+        format!("the pictures are {}\n", if both.same() { "the same" } else { "DIFFERENT" }),
     ]
     .concat()
 }

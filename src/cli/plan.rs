@@ -1,7 +1,7 @@
 //! What will be done: the typed values made sense of together, before any device is touched.
 
 use super::{
-    args::{Backend, ParityArgs, RenderArgs, SceneArgs, Vec3},
+    args::{Backend, ParityArgs, RenderArgs, Vec3, ViewArgs},
     output::Output,
     talk,
 };
@@ -95,7 +95,8 @@ impl RenderPlan {
     /// [`Error::Usage`], [`Error::Input`] for a scene that is not there, [`Error::Io`] for an output
     /// that cannot be written.
     pub fn new(args: &RenderArgs) -> Result<Self> {
-        let view = View::new(&args.scene)?;
+        let view =
+            View::new(SceneName::new(&args.scene.scene)?, args.scene.size, &args.scene.view)?;
         if args.output.extension().is_some_and(|ending| !ending.eq_ignore_ascii_case("png")) {
             talk::line(format_args!(
                 "warning: {} will be a PNG, whatever its name says",
@@ -121,7 +122,8 @@ impl ParityPlan {
     /// # Errors
     /// As [`RenderPlan::new`].
     pub fn new(args: &ParityArgs) -> Result<Self> {
-        let view = View::new(&args.scene)?;
+        let view =
+            View::new(SceneName::new(&args.scene.scene)?, args.scene.size, &args.scene.view)?;
         let difference = args.diff.as_deref().map(Output::new).transpose()?;
         if let Some(difference) = &difference {
             view.scene.keep_from(difference)?;
@@ -136,14 +138,18 @@ impl ParityPlan {
 }
 
 impl View {
-    fn new(args: &SceneArgs) -> Result<Self> {
+    /// Checks how `scene` is to be seen.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a camera without a direction.
+    pub fn new(scene: SceneName, extent: Extent, args: &ViewArgs) -> Result<Self> {
         let camera = match (args.eye, args.target) {
             (Some(eye), Some(target)) => look_at(eye, target, args.up)?,
             _ => args.camera.clone().map_or(CameraChoice::Default, CameraChoice::Named),
         };
         Ok(Self {
-            scene: SceneName::new(&args.scene)?,
-            extent: args.size,
+            scene,
+            extent,
             camera,
             fov: args.fov,
             background: args.background,
@@ -168,7 +174,11 @@ fn look_at(Vec3(eye): Vec3, Vec3(target): Vec3, up: Option<Vec3>) -> Result<Came
 }
 
 impl SceneName {
-    fn new(typed: &str) -> Result<Self> {
+    /// The scene that was typed.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that is not there.
+    pub fn new(typed: &str) -> Result<Self> {
         if let Some(name) = typed.strip_prefix("builtin:") {
             return Ok(SceneName::Builtin(name.into()));
         }
@@ -185,7 +195,10 @@ impl SceneName {
     }
 
     /// Refuses to write over the scene.
-    fn keep_from(&self, output: &Output) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn keep_from(&self, output: &Output) -> Result<()> {
         match self {
             SceneName::File(path) if output.replaces(path) => Err(Error::Usage(format!(
                 "{} is the scene itself: writing there would replace it",

@@ -10,7 +10,7 @@ use super::{
     talk,
 };
 use crate::{
-    classic, compute,
+    bench, classic, compute,
     error::Result,
     pass::Frame,
     vk::{Gpu, Timings},
@@ -53,7 +53,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
             "times_ms": clock.json(),
             "device_ms": ns_to_ms(timings.total_ns),
             "stages": stages(&timings),
-            "memory": { "host_peak_bytes": host_peak_bytes() },
+            "memory": { "host_peak_bytes": bench::peak_bytes() },
         });
         output.write(format!("{stats:#}\n").as_bytes())?;
     }
@@ -127,12 +127,4 @@ impl Clock {
 /// Three decimals: microseconds are as far as any of these can be trusted.
 fn milliseconds(time: Duration) -> f64 {
     (time.as_secs_f64() * 1e6).round() / 1e3
-}
-
-/// The most memory this process held so far, drivers that run on the host included; `None` where
-/// the system does not say.
-fn host_peak_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }

@@ -51,6 +51,11 @@ impl Working {
         self.0.set_position(steps);
     }
 
+    /// Says what is being done now.
+    pub fn say(&self, what: impl Display) {
+        self.0.set_message(what.to_string());
+    }
+
     /// Says how many steps there are, where that was not known at the start.
     pub fn out_of(&self, steps: u64) {
         self.0.set_length(steps);

@@ -1,4 +1,5 @@
-//! Whether two executors drew the same picture: pure functions on images, and the id pass.
+//! Whether two executors drew the same picture: pure functions on images, the id pass, and both executors
+//! asked for them (`Both`).
 //!
 //! Colour alone cannot say whether two rasterizers agree: two neighbouring triangles of one material
 //! look alike, and one pixel of a shaded surface may differ by a rounding. So a [`Pass`] is
@@ -21,6 +22,8 @@
 //!
 //! [`Pass`]: crate::pass::Pass
 
+#[cfg(feature = "glsl")]
+mod both;
 pub mod clipping;
 mod difference;
 #[cfg(feature = "glsl")]
@@ -28,6 +31,8 @@ mod id_pass;
 mod limits;
 mod picture;
 
+#[cfg(feature = "glsl")]
+pub use both::Both;
 pub use difference::{Difference, Drawn, NO_PRIMITIVE, compare, ids};
 #[cfg(feature = "glsl")]
 pub use id_pass::{IdPass, IdRange, id_pass};

@@ -216,10 +216,15 @@ struct Planner<'a> {
 
 impl Planner<'_> {
     fn ways(&mut self, pipeline: &Pipeline) -> Ways {
+        // Pipelines that differ in a constant of one stage share the kernel of the other.
+        let own = |ids: &[u32]| {
+            let all = pipeline.specialization.iter();
+            all.filter(|(id, _)| ids.contains(id)).copied().collect()
+        };
         let intern = |kernels: &mut Vec<KernelKey>, shader: &Arc<Shader>, attributes| {
             let key = KernelKey {
                 shader: shader.clone(),
-                specialization: pipeline.specialization.clone(),
+                specialization: own(&shader.reflection.specialization),
                 attributes,
             };
             kernels.iter().position(|k| *k == key).unwrap_or_else(|| {

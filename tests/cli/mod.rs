@@ -1,5 +1,6 @@
 //! Users' cases: the binary is run, and its exit code, standard output and standard error looked at.
 
+mod bench;
 mod devices;
 mod outputs;
 mod robustness;

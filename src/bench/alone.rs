@@ -1,0 +1,108 @@
+//! One executor in a process of its own: what its first frame costs, and how much memory it takes.
+//!
+//! Neither can be told in a process where the other one works too. The process starts with caches that
+//! are empty, ours and the driver's, and runs twice, so that the first run is a user's very first and
+//! the second finds on disk what the first left there. Turning caches off was the alternative: then there
+//! is no second run, and the first need not write.
+//!
+//! The first frame is all that an executor must do for it, device and scene being there: making its
+//! kernels, taking the pass in, compiling, drawing. Memory is the most that the process ever held: the
+//! scene, the driver and, where the device is the host's own processor, what the driver allocates for
+//! the device. The memory of a graphics card is not in it.
+
+use super::{clock::peak_bytes, statistics::Summary};
+use crate::{classic, compute, error::Result, pass::Pass, vk::Gpu};
+use serde_json::{Value, json};
+use std::{path::Path, process::Command, time::Instant};
+
+/// How often the pass is prepared and drawn once more.
+const AGAIN: usize = 3;
+
+/// What one process found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Alone {
+    /// Milliseconds from the making of the renderer to the fence of the first frame.
+    pub first_frame_ms: f64,
+    /// Milliseconds to prepare and draw the pass once more; the median of three.
+    pub again_ms: f64,
+    /// Peak memory before the renderer was made.
+    pub before_bytes: Option<u64>,
+    /// Peak memory at the end.
+    pub peak_bytes: Option<u64>,
+}
+
+impl Alone {
+    /// Draws `pass` by compute.
+    ///
+    /// # Errors
+    /// Those of the executor.
+    pub fn compute(gpu: &Gpu, pass: &Pass) -> Result<Self> {
+        Self::draw(
+            || compute::Renderer::new(gpu),
+            |renderer| renderer.prepare(pass)?.execute().map(|_| ()),
+        )
+    }
+
+    /// Draws `pass` by the device's own pipeline.
+    ///
+    /// # Errors
+    /// Those of the executor.
+    pub fn classic(gpu: &Gpu, pass: &Pass) -> Result<Self> {
+        Self::draw(
+            || classic::Renderer::new(gpu),
+            |renderer| renderer.prepare(pass)?.execute().map(|_| ()),
+        )
+    }
+
+    fn draw<R>(
+        make: impl FnOnce() -> Result<R>,
+        frame: impl Fn(&mut R) -> Result<()>,
+    ) -> Result<Self> {
+        let before_bytes = peak_bytes();
+        let started = Instant::now();
+        let ms_since = |started: Instant| started.elapsed().as_secs_f64() * 1e3;
+        let mut renderer = make()?;
+        frame(&mut renderer)?;
+        let first_frame_ms = ms_since(started);
+        let mut again = Vec::new();
+        for _ in 0..AGAIN {
+            let started = Instant::now();
+            frame(&mut renderer)?;
+            again.push(ms_since(started));
+        }
+        let again_ms = Summary::new(&again).median;
+        Ok(Self { first_frame_ms, again_ms, before_bytes, peak_bytes: peak_bytes() })
+    }
+
+    /// As one process tells another.
+    pub fn json(&self) -> Value {
+        json!({
+            "first_frame_ms": self.first_frame_ms,
+            "again_ms": self.again_ms,
+            "before_bytes": self.before_bytes,
+            "peak_bytes": self.peak_bytes,
+        })
+    }
+
+    /// What [`Alone::json`] wrote.
+    pub fn from_json(value: &Value) -> Option<Self> {
+        Some(Self {
+            first_frame_ms: value["first_frame_ms"].as_f64()?,
+            again_ms: value["again_ms"].as_f64()?,
+            before_bytes: value["before_bytes"].as_u64(),
+            peak_bytes: value["peak_bytes"].as_u64(),
+        })
+    }
+}
+
+/// Gives `command` caches of its own in `folder`, which is empty before its first run.
+pub fn in_empty_caches<'a>(command: &'a mut Command, folder: &Path) -> &'a mut Command {
+    command
+        .env("XDG_CACHE_HOME", folder)
+        .env("MESA_SHADER_CACHE_DIR", folder)
+        .env("__GL_SHADER_DISK_CACHE_PATH", folder)
+        .env_remove("TILEWRIGHT_CACHE")
+        .env_remove("MESA_SHADER_CACHE_DISABLE")
+        .env_remove("MESA_GLSL_CACHE_DISABLE")
+        .env_remove("__GL_SHADER_DISK_CACHE")
+}

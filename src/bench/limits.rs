@@ -1,0 +1,130 @@
+//! How fast the device copies memory and counts by atomics, and how much of either a stage cannot do
+//! without.
+//!
+//! The distance between a stage's time and that of its least work says where there is something to gain:
+//! a stage at its limit is made faster only by giving it less to do. The least work is counted by what
+//! goes in and out of a stage by its contract, each value once, caches or no: it is no prediction.
+
+use super::{counts::Counts, spirv};
+use crate::{
+    abi::Triangle,
+    error::Result,
+    image::Extent,
+    vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
+};
+
+/// Lanes of a workgroup of both kernels.
+const GROUP: usize = 64;
+/// Bytes that are copied: more than any cache holds of both sides.
+const COPY_BYTES: usize = 48 << 20;
+/// Counters; as many as a large picture has bins.
+const COUNTERS: usize = 1 << 15;
+/// Additions.
+const ADDITIONS: usize = 3 << 20;
+/// How often each is done; the fastest counts, since nothing makes a device faster than it is.
+const TRIES: usize = 5;
+
+/// What the device can do; `None` if it has no timestamps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rates {
+    /// Bytes a second, those read and those written both counted.
+    pub copy: Option<f64>,
+    /// Atomic additions a second.
+    pub atomics: Option<f64>,
+}
+
+impl Rates {
+    /// Measures them, in a fraction of a second.
+    ///
+    /// # Errors
+    /// [`Error::Full`](crate::Error::Full) if 96 MiB cannot be had.
+    pub fn measure(gpu: &Gpu) -> Result<Self> {
+        let kernel =
+            |name, spirv| Kernel::new(gpu, &KernelInfo { name, spirv, ..Default::default() });
+        let copy = {
+            let quads = |name| Buffer::<[u32; 4]>::new(gpu, name, COPY_BYTES / 16, Memory::Device);
+            let (from, to) = (quads("from")?, quads("to")?);
+            let mut recorder = Recorder::new(gpu, "clear before copying")?;
+            recorder.fill(&from, 1)?;
+            recorder.fill(&to, 0)?;
+            recorder.submit()?;
+            let groups = (COPY_BYTES / 16 / GROUP) as u32;
+            let kernel = kernel("bench/copy", spirv::COPY)?;
+            fastest(gpu, |recorder| {
+                recorder.kernel(&kernel).bind("From", &from).bind("To", &to).dispatch(wide(groups))
+            })?
+        };
+        let atomics = {
+            let counters = Buffer::<u32>::new(gpu, "counters", COUNTERS, Memory::Device)?;
+            let kernel = kernel("bench/atomic", spirv::ATOMIC)?;
+            let groups = (ADDITIONS / GROUP) as u32;
+            fastest(gpu, |recorder| {
+                recorder.kernel(&kernel).bind("Counters", &counters).dispatch(wide(groups))
+            })?
+        };
+        let per_second = |amount: usize, ns: u64| (ns > 0).then(|| amount as f64 * 1e9 / ns as f64);
+        Ok(Self { copy: per_second(2 * COPY_BYTES, copy), atomics: per_second(ADDITIONS, atomics) })
+    }
+}
+
+/// One direction is enough: every device takes 65,535 workgroups in it.
+fn wide(groups: u32) -> [u32; 3] {
+    [groups, 1, 1]
+}
+
+/// The shortest time of one dispatch, in nanoseconds.
+fn fastest(gpu: &Gpu, record: impl Fn(&mut Recorder) -> Result<()>) -> Result<u64> {
+    let mut recorder = Recorder::new(gpu, "rates")?;
+    recorder.time_stages();
+    record(&mut recorder)?;
+    let mut recording = recorder.finish()?;
+    recording.run()?;
+    let mut best = u64::MAX;
+    for _ in 0..TRIES {
+        let timings = recording.run()?;
+        best = best.min(timings.stages.first().map_or(0, |(_, ns)| *ns));
+    }
+    Ok(best)
+}
+
+/// What a stage must move and count at least.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Least {
+    /// Bytes read and written.
+    pub bytes: u64,
+    /// Atomic additions.
+    pub atomics: u64,
+}
+
+impl Least {
+    /// Of the stage called `stage`, by its contract; `None` of one whose work depends on what is seen, or
+    /// that nobody counted.
+    pub fn of(stage: &str, counts: &Counts, extent: Extent) -> Option<Self> {
+        let pixels = extent.pixels() as u64;
+        let position = 16;
+        let only = |bytes| Some(Self { bytes, atomics: 0 });
+        match stage {
+            "clear" => only(pixels * 8),
+            "vertex" => {
+                only(counts.attribute_bytes + counts.vertices * position + counts.varying_words * 4)
+            }
+            // Positions in, triangles out if all are kept; each is counted in a cell at least.
+            "primitive" => Some(Self {
+                bytes: counts.vertices * position
+                    + counts.triangles * (12 + size_of::<Triangle>() as u64),
+                atomics: counts.triangles,
+            }),
+            "binning_scatter" => Some(Self {
+                bytes: counts.triangles * (size_of::<Triangle>() as u64 + 4),
+                atomics: counts.triangles,
+            }),
+            // A key and a depth for each pixel.
+            "raster" => only(pixels * 8),
+            // A key in, a colour out.
+            "shade" => only(pixels * 8),
+            // Colour and depth in and out.
+            "resolve" => only(pixels * 16),
+            _ => None,
+        }
+    }
+}

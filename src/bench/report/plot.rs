@@ -1,0 +1,266 @@
+//! Bars and curves as SVG.
+
+use super::page::escape;
+use crate::bench::table::{number, text};
+use serde_json::Value;
+use std::fmt::Write;
+
+/// Colours of stages and curves, told apart by people who see no red or green too (Okabe and Ito, and
+/// their mixtures with black).
+const COLORS: [&str; 10] = [
+    "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#8a6000",
+    "#33708f", "#005f45",
+];
+
+fn color(number: usize) -> &'static str {
+    COLORS[number % COLORS.len()]
+}
+
+/// The bar of a ratio: from 1 in the middle to 8 at the right and an eighth at the left.
+pub fn ratio_bar(ratio: Option<f64>, class: &str) -> String {
+    let (width, height) = (160.0, 14.0);
+    let middle = width / 2.0;
+    let reach = ratio.map_or(0.0, |ratio| (ratio.log2() / 3.0).clamp(-1.0, 1.0) * middle);
+    let (x, length) = if reach < 0.0 { (middle + reach, -reach) } else { (middle, reach) };
+    format!(
+        "<svg width={width} height={height} viewBox='0 0 {width} {height}'>\
+         <line class=axis x1=0 x2={width} y1=7 y2=7 />\
+         <rect class='{class}' x='{x:.1}' y=2 width='{length:.1}' height=10 />\
+         <line class=one x1={middle} x2={middle} y1=0 y2={height} /></svg>"
+    )
+}
+
+/// Every stage that occurs, in the order of first appearance.
+pub fn stage_names(rows: &[Value]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for stage in rows.iter().filter_map(|row| row["compute"]["stages"].as_array()).flatten() {
+        let name = text(&stage["stage"]);
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    // The pipeline's order, where it is known: rows may begin with different stages.
+    let known =
+        ["clear", "vertex", "primitive", "binning", "raster", "shade", "ordered", "resolve"];
+    let place = |name: &String| known.iter().position(|stage| name.starts_with(stage));
+    names.sort_by_key(|name| place(name).unwrap_or(known.len()));
+    names
+}
+
+/// Which colour is which stage. Colours are the same on all rows of all pages.
+pub fn stage_legend(rows: &[Value]) -> String {
+    let mut legend = String::from("<p>");
+    for name in stage_names(rows) {
+        let color = stage_color(&name);
+        let _ = write!(
+            legend,
+            "<span class=key><i style='background:{color}'></i>{}</span>",
+            escape(&name)
+        );
+    }
+    legend + "<span class=key><i style='background:var(--even)'></i>classic</span></p>"
+}
+
+fn stage_color(name: &str) -> &'static str {
+    let known = [
+        "clear",
+        "vertex",
+        "primitive",
+        "binning_scan",
+        "binning_scatter",
+        "raster",
+        "shade",
+        "ordered",
+        "resolve",
+    ];
+    color(known.iter().position(|stage| *stage == name).unwrap_or(known.len()))
+}
+
+/// The stages of a row one behind the other, and classic's frame below.
+pub fn stages(row: &Value) -> String {
+    let stages = row["compute"]["stages"].as_array().map_or(&[][..], Vec::as_slice);
+    let total: f64 = stages.iter().filter_map(|stage| stage["ms"].as_f64()).sum();
+    let classic = row["classic"]["frame_ms"].as_f64().unwrap_or(0.0);
+    let (width, scale) = (680.0, 680.0 / total.max(classic).max(1e-9));
+    // Room for the figures behind the bars.
+    let mut out = format!(
+        "<svg width='100%' height=34 viewBox='0 0 {} 34' preserveAspectRatio='xMinYMid'>",
+        width + 90.0
+    );
+    let mut x = 0.0;
+    for stage in stages {
+        let (name, ms) = (text(&stage["stage"]), stage["ms"].as_f64().unwrap_or(0.0));
+        let length = ms * scale;
+        let _ = write!(
+            out,
+            "<rect x='{x:.1}' y=2 width='{length:.1}' height=16 fill='{}'>\
+             <title>{} {ms:.3} ms</title></rect>",
+            stage_color(&name),
+            escape(&name)
+        );
+        x += length;
+    }
+    let _ = write!(out, "<text x='{:.1}' y=15>{total:.2} ms</text>", x + 6.0);
+    let length = classic * scale;
+    let _ = write!(
+        out,
+        "<rect class=classic x=0 y=21 width='{length:.1}' height=9></rect>\
+         <text x='{:.1}' y=30>{classic:.2} ms</text></svg>",
+        length + 6.0
+    );
+    out
+}
+
+/// A point of a crossover: area in pixels, ratio, its interval.
+struct Point {
+    area: f64,
+    ratio: f64,
+    interval: Option<[f64; 2]>,
+    name: String,
+}
+
+/// A curve for each depth.
+type Curves = Vec<(String, Vec<Point>)>;
+
+/// A plot for each size at which rows vary the area.
+pub fn crossovers(rows: &[Value]) -> Vec<String> {
+    let mut plots: Vec<(String, Curves)> = Vec::new();
+    for row in rows.iter().filter(|row| row["images_equal"] == true) {
+        let (size, area) = (text(&row["size"]), &row["axes"]["area"]);
+        let Some(area) = area.as_f64().or_else(|| half(&size).filter(|_| area == "full")) else {
+            continue;
+        };
+        let Some(ratio) = row["ratio"].as_f64().filter(|ratio| *ratio > 0.0) else { continue };
+        let ends = &row["ratio_interval"];
+        let interval = ends[0].as_f64().zip(ends[1].as_f64()).map(|(from, to)| [from, to]);
+        // Whatever else varies makes another curve.
+        let others =
+            row["axes"].as_object().into_iter().flatten().filter(|(key, _)| *key != "area");
+        let curve: Vec<_> = others
+            .map(|(key, value)| match value.as_f64() {
+                Some(value) => format!("{key} {value}"),
+                None => format!("{key} {}", text(value)),
+            })
+            .collect();
+        let curve = curve.join(", ");
+        let point = Point { area, ratio, interval, name: text(&row["name"]) };
+        let plot = entry(&mut plots, size);
+        entry(plot, curve).push(point);
+    }
+    plots.iter().map(|(size, curves)| crossover(size, curves)).collect()
+}
+
+/// What stands under `key`, made if it is not there.
+fn entry<T: Default>(list: &mut Vec<(String, T)>, key: String) -> &mut T {
+    let at = list.iter().position(|(known, _)| *known == key).unwrap_or_else(|| {
+        list.push((key, T::default()));
+        list.len() - 1
+    });
+    &mut list[at].1
+}
+
+/// Half of the pixels of a picture: the area of the largest triangle that is all on the screen.
+fn half(size: &str) -> Option<f64> {
+    let (width, height) = size.split_once('x')?;
+    Some(width.parse::<f64>().ok()? * height.parse::<f64>().ok()? / 2.0)
+}
+
+fn crossover(size: &str, curves: &Curves) -> String {
+    let points = || curves.iter().flat_map(|(_, points)| points);
+    let (left, right, top, bottom) = (70.0, 880.0, 30.0, 330.0);
+    let ends = |values: &mut dyn Iterator<Item = f64>| {
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+    };
+    let (from, to) = ends(&mut points().map(|p| p.area.log2()));
+    let span = (to - from).max(1.0);
+    // Whole powers of two, with 1 always among them.
+    let (low, high) = ends(&mut points().map(|p| p.ratio.log2()));
+    let (low, high) = (low.floor().min(-1.0), high.ceil().max(1.0));
+    let x = |area: f64| left + (area.log2() - from) / span * (right - left);
+    let y = |ratio: f64| {
+        bottom - ((ratio.log2() - low) / (high - low)).clamp(0.0, 1.0) * (bottom - top)
+    };
+    let mut out = format!(
+        "<svg width='100%' viewBox='0 0 1060 380'><text x={left} y=16>classic time / compute time, {}</text>",
+        escape(size)
+    );
+    for step in low as i32..=high as i32 {
+        let (at, class) = (y(2f64.powi(step)), if step == 0 { "one" } else { "axis" });
+        let name = if step < 0 { format!("1/{}", 1 << -step) } else { (1 << step).to_string() };
+        let _ = write!(
+            out,
+            "<line class={class} x1={left} x2={right} y1='{at:.1}' y2='{at:.1}' />\
+             <text x={} y='{:.1}' text-anchor=end>{name}</text>",
+            left - 8.0,
+            at + 4.0
+        );
+    }
+    let mut areas: Vec<f64> = points().map(|p| p.area).collect();
+    areas.sort_by(f64::total_cmp);
+    areas.dedup();
+    for area in areas {
+        let at = x(area);
+        let _ = write!(
+            out,
+            "<line class=axis x1='{at:.1}' x2='{at:.1}' y1={top} y2={bottom} />\
+             <text x='{at:.1}' y={} text-anchor=middle>{area}</text>",
+            bottom + 18.0
+        );
+    }
+    let _ = write!(
+        out,
+        "<text x={} y={} text-anchor=middle>pixels of a triangle</text>",
+        (left + right) / 2.0,
+        bottom + 38.0
+    );
+    for (number, (name, points)) in curves.iter().enumerate() {
+        curve(&mut out, color(number), points, (&x, &y));
+        let at = top + 12.0 + 20.0 * number as f64;
+        let _ = write!(
+            out,
+            "<rect x={} y='{:.1}' width=12 height=12 fill='{}'></rect><text x={} y='{:.1}'>{}</text>",
+            right + 20.0,
+            at - 10.0,
+            color(number),
+            right + 38.0,
+            at,
+            escape(if name.is_empty() { "one layer" } else { name })
+        );
+    }
+    out + "</svg>"
+}
+
+/// A polyline with a dot and the interval at each point.
+fn curve(
+    out: &mut String,
+    color: &str,
+    points: &[Point],
+    (x, y): (&dyn Fn(f64) -> f64, &dyn Fn(f64) -> f64),
+) {
+    let mut points: Vec<&Point> = points.iter().collect();
+    points.sort_by(|a, b| a.area.total_cmp(&b.area));
+    let path: Vec<_> =
+        points.iter().map(|p| format!("{:.1},{:.1}", x(p.area), y(p.ratio))).collect();
+    let _ = write!(
+        out,
+        "<polyline points='{}' fill=none stroke='{color}' stroke-width=2 />",
+        path.join(" ")
+    );
+    for p in points {
+        let (at, middle) = (x(p.area), y(p.ratio));
+        if let Some([from, to]) = p.interval {
+            let _ = write!(
+                out,
+                "<line x1='{at:.1}' x2='{at:.1}' y1='{:.1}' y2='{:.1}' stroke='{color}' />",
+                y(from),
+                y(to)
+            );
+        }
+        let ratio = number(&Value::from(p.ratio), 2);
+        let _ = write!(
+            out,
+            "<circle cx='{at:.1}' cy='{middle:.1}' r=4 fill='{color}'><title>{}: {ratio}</title></circle>",
+            escape(&p.name)
+        );
+    }
+}

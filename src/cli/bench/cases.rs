@@ -1,0 +1,254 @@
+//! What is measured: scenes, sizes and axes as they were typed, made into rows to be.
+
+use super::super::{
+    args::{BenchArgs, parse_size},
+    output::Output,
+    plan::{SceneName, View},
+    shot::Shot,
+};
+use crate::{
+    bench::{self, Axis, Label, Named, Recipe},
+    error::{Error, Result},
+    image::Extent,
+    pass::Pass,
+};
+
+/// The size that is measured if none is asked for.
+const DEFAULT_SIZE: Extent = Extent::new(1920, 1080);
+
+/// One row to be.
+pub struct Case {
+    /// What it is of.
+    pub label: Label,
+    /// Whether its first frames and its memory are measured too, in processes of their own.
+    pub alone: bool,
+    source: Source,
+}
+
+enum Source {
+    Generated(Recipe),
+    Seen(View),
+}
+
+impl Case {
+    /// Refuses to write over the scene.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn keep_from(&self, output: &Output) -> Result<()> {
+        match &self.source {
+            Source::Generated(_) => Ok(()),
+            Source::Seen(view) => view.scene.keep_from(output),
+        }
+    }
+
+    /// The pass; made anew each time, so that only one is in memory.
+    ///
+    /// # Errors
+    /// Those of the scene.
+    pub fn pass(&self) -> Result<Pass> {
+        match &self.source {
+            Source::Generated(recipe) => bench::pass(&self.label.name(), recipe, self.label.extent),
+            Source::Seen(view) => Shot::new(view).map(|shot| shot.pass),
+        }
+    }
+}
+
+/// Every scene at every size along every axis, all of it checked before anything is done.
+///
+/// # Errors
+/// [`Error::Usage`], [`Error::Input`] for a scene that is not there.
+pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
+    let mut axes = Vec::new();
+    for typed in &args.axis {
+        let (axis, values) = axis(typed)?;
+        if axes.iter().any(|(known, _)| *known == axis) {
+            return Err(Error::Usage(format!("--axis {} is given twice", axis.name())));
+        }
+        axes.push((axis, values));
+    }
+    let mut sizes = args.size.clone();
+    if let Some(at) = axes.iter().position(|(axis, _)| *axis == Axis::Size) {
+        for text in axes.remove(at).1 {
+            sizes.push(parse_size(&text).map_err(Error::Usage)?);
+        }
+    }
+    if sizes.is_empty() {
+        sizes.push(DEFAULT_SIZE);
+    }
+    let typed: Vec<String> = match (args.scenes.as_slice(), axes.is_empty()) {
+        ([], true) => bench::named()
+            .iter()
+            .filter(|scene| scene.name != bench::SHEET)
+            .map(|scene| scene.name.into())
+            .collect(),
+        ([], false) => vec![bench::SHEET.into()],
+        (typed, _) => typed.to_vec(),
+    };
+    let settings = combinations(&axes);
+    let crossover = args.scenes.is_empty() && axes.is_empty() && args.report.is_some();
+    let mut cases = Vec::new();
+    for extent in sizes {
+        for typed in &typed {
+            match bench::find(typed) {
+                Some(scene) => {
+                    for settings in &settings {
+                        cases.push(generated(&scene, extent, settings)?);
+                    }
+                }
+                None if !axes.is_empty() => {
+                    return Err(Error::Usage(format!(
+                        "--axis {} varies generated scenes, and `{typed}` is none \
+                         (tilewright bench --list names them)",
+                        axes[0].0.name()
+                    )));
+                }
+                None => cases.push(seen(typed, extent, args)?),
+            }
+        }
+        if let (true, Some(sheet)) = (crossover, bench::find(bench::SHEET)) {
+            let axes = bench::CROSSOVER.map(|(axis, values)| {
+                (axis, values.iter().map(|value| value.to_string()).collect())
+            });
+            for settings in combinations(&axes) {
+                // They are about frames alone, and many.
+                cases.push(Case { alone: false, ..generated(&sheet, extent, &settings)? });
+            }
+        }
+    }
+    shorten(&mut cases);
+    Ok(cases)
+}
+
+/// Leaves the folders of files out of their titles, where these still differ without.
+fn shorten(cases: &mut [Case]) {
+    let short = |case: &Case| match &case.source {
+        Source::Seen(View { scene: SceneName::File(path), .. }) => {
+            path.file_name().map(|name| name.to_string_lossy().into_owned())
+        }
+        _ => None,
+    };
+    let files: Vec<_> = cases.iter().map(|case| (case.label.scene.clone(), short(case))).collect();
+    for (case, (scene, short)) in cases.iter_mut().zip(&files) {
+        let another = |(other, name): &(String, Option<String>)| other != scene && name == short;
+        if let Some(short) = short
+            && !files.iter().any(another)
+        {
+            case.label.title = short.clone();
+        }
+    }
+}
+
+fn generated(scene: &Named, extent: Extent, settings: &[(Axis, String)]) -> Result<Case> {
+    let mut recipe = scene.recipe.clone();
+    for (axis, text) in settings {
+        recipe
+            .set(*axis, text)
+            .map_err(|reason| Error::Usage(format!("--axis {}: {reason}", axis.name())))?;
+    }
+    recipe.check().map_err(|reason| Error::Usage(format!("--axis: {reason}")))?;
+    let label = Label {
+        scene: scene.name.into(),
+        title: scene.name.into(),
+        extent,
+        settings: settings.to_vec(),
+    };
+    Ok(Case { label, alone: true, source: Source::Generated(recipe) })
+}
+
+fn seen(typed: &str, extent: Extent, args: &BenchArgs) -> Result<Case> {
+    let scene = SceneName::new(typed).map_err(|error| match error {
+        Error::Input { .. } if !typed.contains(['.', '/']) => Error::Usage(format!(
+            "there is no scene `{typed}`: tilewright bench --list names those that are generated"
+        )),
+        other => other,
+    })?;
+    let view = View::new(scene, extent, &args.view)?;
+    let label = Label { scene: typed.into(), title: typed.into(), extent, settings: Vec::new() };
+    Ok(Case { label, alone: true, source: Source::Seen(view) })
+}
+
+/// `name=a,b,c`.
+fn axis(typed: &str) -> Result<(Axis, Vec<String>)> {
+    let wrong = |reason: String| Error::Usage(format!("--axis {typed}: {reason}"));
+    let (name, values) =
+        typed.split_once('=').ok_or_else(|| wrong("expected NAME=A,B,C, like area=1,16".into()))?;
+    let values: Vec<String> = values.split(',').map(|value| value.trim().to_string()).collect();
+    Ok((Axis::named(name.trim()).map_err(wrong)?, values))
+}
+
+/// One value of each axis, in every way; the last axis varies fastest. Without axes, one empty way.
+fn combinations(axes: &[(Axis, Vec<String>)]) -> Vec<Vec<(Axis, String)>> {
+    let mut ways = vec![Vec::new()];
+    for (axis, values) in axes {
+        ways = ways
+            .iter()
+            .flat_map(|way| {
+                values.iter().map(|value| [way.as_slice(), &[(*axis, value.clone())]].concat())
+            })
+            .collect();
+    }
+    ways
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::args::{Typed, Verb};
+    use super::*;
+    use clap::Parser;
+
+    fn cases_of(line: &[&str]) -> Vec<Case> {
+        let typed = Typed::try_parse_from(["tilewright", "bench"].iter().chain(line));
+        let Verb::Bench(args) = typed.unwrap_or_else(|e| panic!("{e}")).verb else {
+            unreachable!()
+        };
+        cases(&args).unwrap()
+    }
+
+    fn names(line: &[&str]) -> Vec<String> {
+        let name = |case: &Case| format!("{} {}", case.label.name(), case.label.extent);
+        cases_of(line).iter().map(name).collect()
+    }
+
+    #[test]
+    fn without_scenes_all_named_ones_and_for_a_page_the_crossover() {
+        let all = cases_of(&[]);
+        assert_eq!(all.len(), bench::named().len() - 1);
+        assert!(all.iter().all(|case| case.alone && case.label.scene != bench::SHEET));
+        let page = cases_of(&["--report", "page.html"]);
+        assert_eq!(page.len(), all.len() + 24);
+        assert!(page[all.len()..].iter().all(|case| !case.alone));
+    }
+
+    #[test]
+    fn the_last_axis_varies_fastest_and_sizes_slowest() {
+        let line = ["--axis", "depth=1,2", "--axis", "size=8x8,9x9", "--axis", "area=4, full"];
+        assert_eq!(
+            names(&line),
+            [
+                "sheet depth=1 area=4 8x8",
+                "sheet depth=1 area=full 8x8",
+                "sheet depth=2 area=4 8x8",
+                "sheet depth=2 area=full 8x8",
+                "sheet depth=1 area=4 9x9",
+                "sheet depth=1 area=full 9x9",
+                "sheet depth=2 area=4 9x9",
+                "sheet depth=2 area=full 9x9",
+            ]
+        );
+    }
+
+    #[test]
+    fn files_are_shown_without_their_folders_if_they_still_differ() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, "").unwrap();
+            path.to_str().unwrap().to_string()
+        };
+        let [a, b, c] = ["one/a.glb", "two/a.glb", "two/c.glb"].map(file);
+        let found = names(&[&a, &b, &c, "--size", "8x8"]);
+        assert_eq!(found, [format!("{a} 8x8"), format!("{b} 8x8"), "c.glb 8x8".to_string()]);
+    }
+}
