@@ -271,11 +271,12 @@ impl Glue<'_> {
         Ok(())
     }
 
-    /// An output that is `alone` at its location is handed on with all four components: one store.
+    /// A varying that is `alone` at its location is handed on with all four components: one store.
     fn output_leaf(&mut self, variable: Word, leaf: &Leaf, alone: bool) -> Outcome<()> {
         let hook = self.hooks.function("tw_output(u1;u1;u1;vu4;")?;
-        let code = &mut self.code;
         let v = leaf.varying;
+        let whole = alone && v.component == 0 && self.stage == Stage::Vertex;
+        let code = &mut self.code;
         let place = code.part(variable, StorageClass::Private, leaf.ty, &leaf.path);
         let value = code.load(leaf.ty, place);
         let uint = code.linker.uint();
@@ -288,7 +289,7 @@ impl Glue<'_> {
             bits = code.emit(Op::CompositeConstruct, all, parts);
         }
         let void = code.linker.void();
-        let count = if alone && v.component == 0 { 4 } else { v.count };
+        let count = if whole { 4 } else { v.count };
         let [location, component, count] =
             [v.location, v.component, count].map(|n| code.linker.uint_constant(n));
         code.call(void, hook, &[location, component, count, bits]);

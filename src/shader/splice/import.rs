@@ -41,10 +41,7 @@ pub(super) struct Port {
 impl Port {
     /// The leaves of a user's variable.
     pub fn leaves(&self) -> &[interface::Leaf] {
-        match &self.kind {
-            PortKind::Leaves(leaves) => leaves,
-            PortKind::BuiltIn(..) | PortKind::Block(_) => &[],
-        }
+        if let PortKind::Leaves(leaves) = &self.kind { leaves } else { &[] }
     }
 }
 

@@ -6,11 +6,11 @@
 //! reads at places that are known in advance is brought into private variables when the kernel binds
 //! a draw (`tw_user_bind`), and its code reads those.
 //!
-//! Only scalars, vectors and matrices that are read as a whole are brought; what is indexed at run
+//! Only scalars, vectors and matrices of 32-bit numbers that are read as a whole are brought; what is indexed at run
 //! time stays where it is.
 
 use super::{
-    linker::{Code, Linker, id},
+    linker::{Code, Linker, id, literal},
     resources::Element,
 };
 use crate::shader::module::{Outcome, ids};
@@ -96,8 +96,7 @@ fn chains(
         let indices: Vec<Word> = operands.collect();
         let constant = indices.iter().all(|&index| linker.op(index) == Some(Op::Constant));
         let Some((_, ty)) = linker.pointee(pointer).filter(|_| constant) else { continue };
-        let whole = [Op::TypeFloat, Op::TypeInt, Op::TypeVector, Op::TypeMatrix];
-        if linker.op(ty).is_some_and(|op| whole.contains(&op)) {
+        if is_plain(linker, ty) {
             found.push((result, (variable, indices), ty));
         }
     }
@@ -108,4 +107,16 @@ fn chains(
     }
     found.retain(|(result, ..)| !other_uses.contains(result));
     found
+}
+
+/// Whether a type is a scalar, vector or matrix of 32-bit numbers. Narrower ones live in blocks only.
+fn is_plain(linker: &Linker, ty: Word) -> bool {
+    let declaration = linker.global(ty).map(|i| (i.class.opcode, i.operands.first()));
+    match declaration {
+        Ok((Op::TypeFloat | Op::TypeInt, Some(width))) => *width == literal(32),
+        Ok((Op::TypeVector | Op::TypeMatrix, Some(&Operand::IdRef(part)))) => {
+            is_plain(linker, part)
+        }
+        _ => false,
+    }
 }
