@@ -122,8 +122,6 @@ impl Least {
             "raster" => only(pixels * 8),
             // A key in, a colour out.
             "shade" => only(pixels * 8),
-            // Colour and depth in and out.
-            "resolve" => only(pixels * 16),
             _ => None,
         }
     }

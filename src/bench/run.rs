@@ -4,8 +4,7 @@
 //! nothing. Then both passes are prepared, warmed up, and executed in turns, one frame each, in one
 //! process: what disturbs the machine for longer than a frame disturbs both alike. A frame is timed by
 //! the host, from its submission until its fence has signalled and the result of its timestamps is
-//! there. What differs in what the two are charged with: compute's frame includes the copies that bring
-//! the picture to the host, classic's does not.
+//! there. Bringing the picture to the host is part of neither frame.
 //!
 //! Stages are timed in frames of their own, since each timestamp costs a barrier.
 

@@ -195,8 +195,7 @@ fn method(html: &mut Html) {
         "<p>Both executors draw the same pass on the same device. Their pictures are compared first, on \
          16-bit float targets, with the limits of <code>tilewright parity</code>. Then both draw in turns, a \
          frame each, in one process, after two frames that are not counted. A frame lasts from its submission \
-         until its fence has signalled. Compute's includes the copies that bring the picture to the host, \
-         classic's does not. Intervals are distribution-free, made of order statistics. FASTER and SLOWER \
+         until its fence has signalled. Bringing the picture to the host is part of neither. Intervals are distribution-free, made of order statistics. FASTER and SLOWER \
          mean that the whole interval of the ratio is on one side of 1 and the ratio is off by more than \
          {0} %, SAME that the interval is within {0} % of 1, AMBIGUOUS anything else.</p>",
         FLOOR * 100.0

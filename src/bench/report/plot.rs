@@ -40,8 +40,7 @@ pub fn stage_names(rows: &[Value]) -> Vec<String> {
         }
     }
     // The pipeline's order, where it is known: rows may begin with different stages.
-    let known =
-        ["clear", "vertex", "primitive", "binning", "raster", "shade", "ordered", "resolve"];
+    let known = ["clear", "vertex", "primitive", "binning", "raster", "shade", "ordered"];
     let place = |name: &String| known.iter().position(|stage| name.starts_with(stage));
     names.sort_by_key(|name| place(name).unwrap_or(known.len()));
     names
@@ -71,7 +70,6 @@ fn stage_color(name: &str) -> &'static str {
         "raster",
         "shade",
         "ordered",
-        "resolve",
     ];
     color(known.iter().position(|stage| *stage == name).unwrap_or(known.len()))
 }

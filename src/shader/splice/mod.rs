@@ -66,7 +66,7 @@ pub enum Derivatives {
 pub enum Blocks {
     /// From the block, each time. Right where registers are few and equal addresses are cheap: GPUs.
     InPlace,
-    /// From private variables that are filled when the kernel binds a draw (see [`prefetch`]). Right
+    /// From private variables that are filled when the kernel binds a draw (see `prefetch.rs`). Right
     /// where every lane fetches for itself: CPUs.
     Prefetched,
 }
