@@ -90,12 +90,15 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
 
         shade(key, origin + p, !alive);
 
-        if (!alive || tw_HelperInvocation) continue;
+        // No `continue`: the lanes of the quad must be together again for the next one.
+        bool keep = alive && !tw_HelperInvocation;
         float late = tw_FragDepth > 0.0 ? min(tw_FragDepth, 1.0) : 0.0;
-        if (test && DEPTH == DEPTH_LATE && !compare(operation, late, depth[at])) continue;
-        if (test && write && DEPTH != DEPTH_EARLY) depth[at] = DEPTH == DEPTH_LATE ? late : z;
-        visibility[bin * BIN_PIXELS + first + lane] = key;
-        write_color(at, piece);
+        if (keep && test && DEPTH == DEPTH_LATE) keep = compare(operation, late, depth[at]);
+        if (keep) {
+            if (test && write && DEPTH != DEPTH_EARLY) depth[at] = DEPTH == DEPTH_LATE ? late : z;
+            visibility[bin * BIN_PIXELS + first + lane] = key;
+            write_color(at, piece);
+        }
     }
 }
 

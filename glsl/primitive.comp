@@ -153,8 +153,10 @@ void main() {
         if (primitive >= batch.primitives) break;
         if (primitive >= bound_end) {
             piece_index = piece_of_primitive(primitive);
-            bool last = piece_index + 1u == batch.piece_first + batch.piece_count;
-            bound_end = last ? batch.primitives : pieces[piece_index + 1u].first_primitive;
+            bound_end = batch.primitives;
+            if (piece_index + 1u < batch.piece_first + batch.piece_count) {
+                bound_end = pieces[piece_index + 1u].first_primitive;
+            }
             piece = pieces[piece_index];
         }
         run(primitive, piece_index, piece);

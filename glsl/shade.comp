@@ -65,14 +65,16 @@ void main() {
         bool mine = visibility[first_pixel + i] == key;
         uvec2 pixel = bin_origin + tile_pixel(i);
         shade(key, ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
-        if (!mine) continue;
-        uvec2 words = color_encode(FORMAT, uintBitsToFloat(color_bits));
-        uint at = pixel.y * batch.width + pixel.x;
-        if (FORMAT == FORMAT_RGBA16_FLOAT) {
-            color[2u * at] = words.x;
-            color[2u * at + 1u] = words.y;
-        } else {
-            color[at] = words.x;
+        // No `continue`: the lanes of the quad must be together again for the next one.
+        if (mine) {
+            uvec2 words = color_encode(FORMAT, uintBitsToFloat(color_bits));
+            uint at = pixel.y * batch.width + pixel.x;
+            if (FORMAT == FORMAT_RGBA16_FLOAT) {
+                color[2u * at] = words.x;
+                color[2u * at + 1u] = words.y;
+            } else {
+                color[at] = words.x;
+            }
         }
     }
 }

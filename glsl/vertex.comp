@@ -122,8 +122,8 @@ void main() {
         if (slot >= end) break;
         if (slot >= bound_end) {
             uint run = run_of_slot(slot);
-            bool last = run + 1u == batch.run_first + batch.run_count;
-            bound_end = last ? end : pieces[runs[run + 1u]].vertex_base;
+            bound_end = end;
+            if (run + 1u < batch.run_first + batch.run_count) bound_end = pieces[runs[run + 1u]].vertex_base;
             piece = pieces[runs[run]];
             tw_user_bind();
         }

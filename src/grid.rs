@@ -1,9 +1,10 @@
 //! All size arithmetic of a frame, in one pure place: bands, bins, cells, capacities.
 //!
-//! Working buffers hold one *band* of the target at a time, whole rows of bins, so that no buffer
-//! outgrows the smallest storage range devices offer (128 MiB) and no dispatch over bins outgrows
-//! the smallest limit of workgroups (65,535). Bins lie one after the other in row order; the pixels
-//! of a bin are contiguous, see `glsl/lib/tile.glsl`.
+//! Kernels work on one *band* of the target at a time, whole rows of bins, so that no buffer outgrows
+//! the smallest storage range devices offer (128 MiB) and no dispatch over bins outgrows the smallest
+//! limit of workgroups (65,535). Each band has a target of its own, pixel after pixel in rows. Bins lie
+//! one after the other in row order; in visibility the pixels of a bin are contiguous, see
+//! `glsl/lib/tile.glsl`.
 
 use crate::{abi, image::Extent};
 

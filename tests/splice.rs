@@ -127,7 +127,12 @@ fn kernel(
     derivatives: Derivatives,
     specialization: &[(u32, u32)],
 ) -> Kernel {
-    let options = SpliceOptions { derivatives, blocks: Blocks::Prefetched, specialization };
+    // Each way once: CPU devices have both derivatives of their own and blocks that are prefetched.
+    let blocks = match derivatives {
+        Derivatives::Native => Blocks::Prefetched,
+        Derivatives::Quad => Blocks::InPlace,
+    };
+    let options = SpliceOptions { derivatives, blocks, specialization };
     let spliced = splice(host, shader, &options).unwrap_or_else(|e| panic!("{e}"));
     let width = gpu.limits().subgroup_size;
     let info = KernelInfo {

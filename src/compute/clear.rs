@@ -37,7 +37,7 @@ pub fn record(
         let lanes = abi::GROUP * abi::CLEAR_PIXELS;
         recorder
             .kernel(kernel)
-            .bind("Color", &target.color)
+            .bind("Color", &target.color.cast::<[u32; 2]>()?)
             .push(&Clear { color: values.color, pixels })
             .dispatch(grid::groups(pixels, lanes))
     })

@@ -109,7 +109,7 @@ impl Prepared {
         Ok(all)
     }
 
-    /// The targets after the last [`Prepared::execute`].
+    /// The targets after the last [`Prepared::execute`]; before the first, they hold anything.
     ///
     /// # Errors
     /// As [`Prepared::execute`].

@@ -12,7 +12,7 @@
 //! shade      the user's fragment shader for what is visible     |          blending in API order
 //! ```
 //!
-//! [`Renderer::prepare`] plans a pass, makes its kernels and records everything into one submission;
+//! [`Renderer::prepare`] plans a pass, makes its kernels and records one submission for each band;
 //! [`Prepared::execute`] runs it, with no decision by the CPU in between; [`Prepared::read`] returns
 //! the pictures. [`Renderer::trace`] stops after every batch and brings all intermediates home.
 
@@ -91,8 +91,8 @@ impl Renderer {
         frame::Setup::new(self, pass, &plan, table)?.record(self, &plan)
     }
 
-    /// Makes the kernels that `shader` takes part in, as a first pass would: what `prepare` then
-    /// need not do, and all that a driver can refuse of a shader.
+    /// Makes kernels that `shader` takes part in, to see whether the driver refuses any. A vertex shader
+    /// gets one without a vertex format: those of pipelines are made when a pass needs them.
     ///
     /// # Errors
     /// [`crate::Error::Shader`] if the shader is out of reach, [`crate::Error::Device`] if the driver

@@ -5,6 +5,7 @@ use super::{
     Binding, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Pass, Pipeline, StepRate,
 };
 use crate::{
+    abi,
     error::{Error, Result},
     format::{Component, Format},
     image::Extent,
@@ -156,6 +157,9 @@ fn check_attributes(pipeline: &Pipeline) -> Fault {
         let place = format!("vertex attribute {location}");
         if !locations.insert(location) {
             return Err(format!("{place} is there twice"));
+        }
+        if location >= abi::MAX_ATTRIBUTES {
+            return Err(format!("{place} is beyond the {} that there are", abi::MAX_ATTRIBUTES));
         }
         if !(1..=4).contains(&format.count) {
             return Err(format!("{place} has {} components", format.count));

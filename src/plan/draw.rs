@@ -44,7 +44,7 @@ impl Planner<'_> {
                 };
                 let words = u64::from(slots) * u64::from(ways.varying_stride);
                 let open = self.batch(ways);
-                let fits = open.vertices + slots <= limit.vertices
+                let fits = u64::from(open.vertices) + u64::from(slots) <= u64::from(limit.vertices)
                     && u64::from(open.varying_words) + words <= u64::from(limit.varying_words);
                 if fits {
                     break (piece, Some(slots));

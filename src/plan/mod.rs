@@ -10,6 +10,9 @@
 //!   goes through visibility;
 //! * everything else is **ordered**, one fragment shader at a time.
 //!
+//! Batches run in their order, none left out: a draw that needs several has its vertices shaded in the
+//! first of them, where they fit, and the others find them in place.
+//!
 //! Nothing in a batch needs a decision by the CPU. The number of batches depends on the pass alone,
 //! not on what is seen.
 
@@ -97,9 +100,9 @@ pub struct BatchPlan {
     pub piece_first: u32,
     /// Pieces.
     pub piece_count: u32,
-    /// Vertex slots.
+    /// Vertex slots, those left in place from the batch before included.
     pub vertices: u32,
-    /// Words of varyings.
+    /// Words of varyings, in the same way.
     pub varying_words: u32,
     /// Dispatches of the vertex stage.
     pub vertex_work: Vec<VertexWork>,
@@ -349,7 +352,10 @@ fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
         let count = u32::from(format.count) << abi::ATTRIBUTE_COUNT_SHIFT;
         (attribute.location, format.component as u32 | count | per_instance)
     };
-    let mut all: Vec<_> = pipeline.vertex_attributes.iter().map(format).collect();
+    let read = |a: &&VertexAttribute| {
+        pipeline.vertex.reflection.inputs.iter().any(|input| input.location == a.location)
+    };
+    let mut all: Vec<_> = pipeline.vertex_attributes.iter().filter(read).map(format).collect();
     all.sort_unstable();
     all
 }

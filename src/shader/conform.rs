@@ -103,8 +103,9 @@ fn attempt(
         Stage::Vertex => &[kernels::VERTEX],
         Stage::Fragment => &[kernels::SHADE, kernels::ORDERED],
     };
-    let options = SpliceOptions { derivatives, blocks: Blocks::Prefetched, specialization: &[] };
-    for kernel in kernels {
+    let both = [Blocks::InPlace, Blocks::Prefetched];
+    for (kernel, blocks) in kernels.iter().flat_map(|kernel| both.map(|b| (kernel, b))) {
+        let options = SpliceOptions { derivatives, blocks, specialization: &[] };
         let spliced = splice(kernel, &shader, &options).map_err(|e| (Step::Splice, reason(e)))?;
         verify::verify(&spliced.spirv).map_err(|e| (Step::Check, e))?;
     }

@@ -13,6 +13,7 @@ use super::{
     import::{Imported, Port, PortKind},
     linker::{Code, Linker, id, literal},
 };
+use crate::abi;
 use crate::shader::{Interpolation, Scalar, Stage, interface::Leaf, module::Outcome};
 use rspirv::{
     dr::{Block, Instruction, Operand},
@@ -85,6 +86,9 @@ impl Glue<'_> {
         let locations: BTreeSet<u32> =
             inputs.flat_map(Port::leaves).map(|leaf| leaf.varying.location).collect();
         for location in locations {
+            if location >= abi::MAX_ATTRIBUTES {
+                return Err(format!("it reads location {location} of {}", abi::MAX_ATTRIBUTES));
+            }
             let hook = self.hooks.function("tw_bind_attribute(u1;")?;
             let location = self.code.linker.uint_constant(location);
             let void = self.code.linker.void();
@@ -302,7 +306,7 @@ fn replace_stub(linker: &mut Linker, stub: Word, body: Vec<Instruction>) -> Outc
     let label = Instruction::new(Op::Label, None, Some(linker.id()), vec![]);
     let functions = &mut linker.module.functions;
     let stub = functions.iter_mut().find(|f| f.def_id() == Some(stub));
-    let stub = stub.ok_or("the kernel's tw_user_main is no function")?;
+    let stub = stub.ok_or("the kernel's stub is no function")?;
     let gone: HashSet<Word> = (stub.blocks.iter())
         .flat_map(|b| b.label.iter().chain(&b.instructions))
         .filter_map(|i| i.result_id)

@@ -1,13 +1,14 @@
 //! Splicing: a user's shader becomes a function of one of the engine's kernels.
 //!
-//! The kernel is ordinary GLSL, compiled ahead of time, with an empty function `tw_user_main` and
-//! hooks that know where inputs come from and outputs go (the hooks are listed in `hooks.rs`). The
-//! user's module is brought over into the kernel's, declaration by declaration; what belongs to a
-//! graphics pipeline is turned into what compute has; and the stub gets a body that fetches inputs,
-//! calls the user's `main` and hands on its outputs. The user's arithmetic is not touched.
+//! The kernel is ordinary GLSL, compiled ahead of time, with two empty functions, `tw_user_bind` and
+//! `tw_user_main`, and hooks that know where inputs come from and outputs go (the hooks are listed in
+//! `hooks.rs`). The user's module is brought over into the kernel's, declaration by declaration; what
+//! belongs to a graphics pipeline is turned into what compute has; and the stubs get bodies that bring
+//! what a draw needs once, fetch inputs, call the user's `main` and hand on its outputs. The user's
+//! arithmetic is not touched.
 //!
-//! In order: `import`, then over the user's functions `specialize`, `prefetch`, `resources`, `fragment`, `kill`,
-//! `derivatives`, `guard`, `nonuniform`, then `glue`, then `order`.
+//! In order: `import`, then over the user's functions `specialize`, `prefetch`, `resources`,
+//! `fragment`, `kill`, `derivatives`, `guard`, `nonuniform`, then `glue`, then `order`.
 //!
 //! Why in SPIR-V: rewriting the source fails on `in` and `out` as parameter qualifiers, on name
 //! clashes and on derivatives, whose types only a compiler knows; the GLSL compiler links no libraries;

@@ -20,8 +20,8 @@ use rspirv::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// Parts that are brought, at most: private variables are registers, or memory of a lane.
-const MAX_PARTS: usize = 96;
+/// Words that are brought, at most: private variables are registers, or memory of a lane.
+const MAX_WORDS: u32 = 384;
 
 /// A variable and the constant indices of a part of it.
 type Place = (Word, Vec<Word>);
@@ -40,13 +40,15 @@ pub(super) fn prefetch(
     let chains = chains(linker, functions, &blocks);
 
     let mut code = Code::new(linker);
+    let mut words = 0;
     let mut parts: HashMap<Place, Word> = HashMap::new();
     let mut instead: HashMap<Word, Word> = HashMap::new();
     for (result, place, ty) in chains {
         let part = match parts.get(&place) {
             Some(&part) => part,
-            None if parts.len() == MAX_PARTS => continue,
+            None if words + words_of(code.linker, ty) > MAX_WORDS => continue,
             None => {
+                words += words_of(code.linker, ty);
                 let part = code.linker.private(ty);
                 let pointer = code.linker.pointer(StorageClass::StorageBuffer, ty);
                 let operands = [place.0].iter().chain(&place.1).map(|&word| id(word)).collect();
@@ -118,5 +120,16 @@ fn is_plain(linker: &Linker, ty: Word) -> bool {
             is_plain(linker, part)
         }
         _ => false,
+    }
+}
+
+/// Words of such a type.
+fn words_of(linker: &Linker, ty: Word) -> u32 {
+    match linker.global(ty).map(|i| (i.class.opcode, i.operands.as_slice())) {
+        Ok((Op::TypeVector | Op::TypeMatrix, [Operand::IdRef(part), count])) => {
+            let count = if let Operand::LiteralBit32(count) = count { *count } else { 4 };
+            count * words_of(linker, *part)
+        }
+        _ => 1,
     }
 }

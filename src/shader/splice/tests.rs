@@ -29,9 +29,9 @@ fn hosts(stage: Stage) -> &'static [Vec<u32>] {
 
 /// Splices into each kernel of the stage and checks the results.
 fn try_all(shader: &Shader, derivatives: Derivatives) -> Result<()> {
-    for host in hosts(shader.stage) {
-        let options =
-            SpliceOptions { derivatives, blocks: Blocks::Prefetched, specialization: &[] };
+    let both = [Blocks::InPlace, Blocks::Prefetched];
+    for (host, blocks) in hosts(shader.stage).iter().flat_map(|host| both.map(|b| (host, b))) {
+        let options = SpliceOptions { derivatives, blocks, specialization: &[] };
         let words = splice(host, shader, &options)?.spirv;
         if let Err(text) = verify::verify(&words) {
             panic!("{} with {derivatives:?}: {text}", shader.label);
@@ -162,8 +162,8 @@ fn no_module_makes_the_splicer_panic() {
             let Ok(broken) = Shader::from_spirv(stage, &name, &words) else { continue };
             read += 1;
             let derivatives = [Derivatives::Native, Derivatives::Quad][round % 2];
-            let options =
-                SpliceOptions { derivatives, blocks: Blocks::Prefetched, specialization: &[] };
+            let blocks = [Blocks::Prefetched, Blocks::InPlace][round / 2 % 2];
+            let options = SpliceOptions { derivatives, blocks, specialization: &[] };
             if let Ok(spliced) = splice(&hosts(stage)[0], &broken, &options) {
                 let _ = verify::verify(&spliced.spirv);
                 taken += 1;
