@@ -10,7 +10,6 @@
 // An invocation takes PRIMITIVE_ROUNDS primitives, one after the other: most of them belong to the same
 // piece, whose fields it fetches once.
 #version 460
-#extension GL_EXT_null_initializer : require
 #include "pieces.glsl"
 #include "lib/cells.glsl"
 #include "lib/clip.glsl"
@@ -148,8 +147,7 @@ void main() {
     uint first = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     first = first * GROUP * PRIMITIVE_ROUNDS + gl_LocalInvocationIndex;
     uint bound_end = 0u, piece_index; // the first primitive that is not the bound piece's
-    // Zero until bound: a lane that is switched off may still make a driver look at its index buffer.
-    Piece piece = {};
+    Piece piece;
     [[dont_unroll]] for (uint round = 0u; round < PRIMITIVE_ROUNDS; round++) {
         uint primitive = first + round * GROUP;
         if (primitive >= batch.primitives) break;

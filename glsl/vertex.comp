@@ -10,7 +10,6 @@
 // what it sees. An invocation takes VERTEX_ROUNDS slots, one after the other: most of them belong to the
 // same piece, whose fields, attributes and uniforms it fetches once.
 #version 460
-#extension GL_EXT_null_initializer : require
 #include "pieces.glsl"
 #include "lib/attribute.glsl"
 
@@ -43,9 +42,8 @@ uint attribute_format(const uint location) {
     return formats[location];
 }
 
-// Zero until bound: a lane that is switched off may still make a driver look at whatever slot it holds.
-Piece piece = {};
-Attribute bound_attributes[MAX_ATTRIBUTES] = {};
+Piece piece;
+Attribute bound_attributes[MAX_ATTRIBUTES];
 uint varying_base;
 
 uint tw_resource(const in uint i) {
@@ -67,13 +65,13 @@ uvec4 fetch(const uint location, const uint one) {
     uint format = attribute_format(location);
     if (format == 0u) return value;
     uint component = format & 0xffu, count = (format >> ATTRIBUTE_COUNT_SHIFT) & 7u;
-    // Not through a local variable, which a lane that is switched off would leave undefined.
+    Attribute a = bound_attributes[location];
     uint index = uint((format & ATTRIBUTE_PER_INSTANCE) != 0u ? tw_InstanceIndex : tw_VertexIndex);
-    uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index, size = component_bytes(component);
-    value.x = fetch_component(bound_attributes[location].slot, component, byte);
-    if (count > 1u) value.y = fetch_component(bound_attributes[location].slot, component, byte + size);
-    if (count > 2u) value.z = fetch_component(bound_attributes[location].slot, component, byte + 2u * size);
-    if (count > 3u) value.w = fetch_component(bound_attributes[location].slot, component, byte + 3u * size);
+    uint byte = a.offset + a.stride * index, size = component_bytes(component);
+    value.x = fetch_component(a.slot, component, byte);
+    if (count > 1u) value.y = fetch_component(a.slot, component, byte + size);
+    if (count > 2u) value.z = fetch_component(a.slot, component, byte + 2u * size);
+    if (count > 3u) value.w = fetch_component(a.slot, component, byte + 3u * size);
     return value;
 }
 

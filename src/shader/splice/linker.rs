@@ -262,13 +262,6 @@ impl Linker {
         self.declare(Op::ConstantNull, Some(ty), vec![])
     }
 
-    /// A private variable that is zero at first.
-    pub fn private_zero(&mut self, pointee: Word) -> Word {
-        let class = StorageClass::Private;
-        let (pointer, zero) = (self.pointer(class, pointee), self.null(pointee));
-        self.declare_new(Op::Variable, Some(pointer), vec![Operand::StorageClass(class), id(zero)])
-    }
-
     /// A private variable without initial value.
     pub fn private(&mut self, pointee: Word) -> Word {
         let class = StorageClass::Private;

@@ -143,13 +143,12 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
     Ok(finish(linker, kernel_globals, &user))
 }
 
-/// Private variables that hold the table indices of the draw: 0 until the kernel binds one, because a
-/// lane that is switched off may still make a driver look at whatever index it holds.
+/// Private variables that hold the table indices of the draw.
 fn index_variables(linker: &mut Linker, count: usize) -> Vec<Word> {
     let uint = linker.uint();
     (0..count)
         .map(|n| {
-            let variable = linker.private_zero(uint);
+            let variable = linker.private(uint);
             linker.name(variable, format!("table index {n}"));
             variable
         })
