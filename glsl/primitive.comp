@@ -149,8 +149,9 @@ void main() {
     uint bound_end = 0u, piece_index; // the first primitive that is not the bound piece's
     Piece piece;
     [[dont_unroll]] for (uint round = 0u; round < PRIMITIVE_ROUNDS; round++) {
-        uint primitive = first + round * GROUP;
-        if (primitive >= batch.primitives) break;
+        // Lanes beyond the end bind too: one that is switched off may still make a driver look at whatever
+        // index buffer it holds.
+        uint primitive = min(first + round * GROUP, batch.primitives - 1u);
         if (primitive >= bound_end) {
             piece_index = piece_of_primitive(primitive);
             bound_end = batch.primitives;
@@ -159,6 +160,7 @@ void main() {
             }
             piece = pieces[piece_index];
         }
+        if (first + round * GROUP >= batch.primitives) break;
         run(primitive, piece_index, piece);
     }
 }

@@ -57,12 +57,13 @@ void main() {
     uint count = list_work(first_pixel);
     uint lane = gl_SubgroupInvocationID;
     [[dont_unroll]] for (uint first = 0u; first < count; first += WIDTH / 4u) {
+        // Quads for which there is nothing left help with the last: all lanes stay together, and none
+        // holds an undefined table slot.
         uint n = first + (lane >> 2);
-        if (n >= count) break;
-        uint i = s_work[n];
+        uint i = s_work[min(n, count - 1u)];
         uint key = visibility[first_pixel + i];
         i = (i & ~3u) | (lane & 3u);
-        bool mine = visibility[first_pixel + i] == key;
+        bool mine = n < count && visibility[first_pixel + i] == key;
         uvec2 pixel = bin_origin + tile_pixel(i);
         shade(key, ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
         // No `continue`: the lanes of the quad must be together again for the next one.

@@ -65,13 +65,14 @@ uvec4 fetch(const uint location, const uint one) {
     uint format = attribute_format(location);
     if (format == 0u) return value;
     uint component = format & 0xffu, count = (format >> ATTRIBUTE_COUNT_SHIFT) & 7u;
-    Attribute a = bound_attributes[location];
+    // Not through a local variable, which a lane that is switched off would leave undefined.
     uint index = uint((format & ATTRIBUTE_PER_INSTANCE) != 0u ? tw_InstanceIndex : tw_VertexIndex);
-    uint byte = a.offset + a.stride * index, size = component_bytes(component);
-    value.x = fetch_component(a.slot, component, byte);
-    if (count > 1u) value.y = fetch_component(a.slot, component, byte + size);
-    if (count > 2u) value.z = fetch_component(a.slot, component, byte + 2u * size);
-    if (count > 3u) value.w = fetch_component(a.slot, component, byte + 3u * size);
+    uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index;
+    uint size = component_bytes(component);
+    value.x = fetch_component(bound_attributes[location].slot, component, byte);
+    if (count > 1u) value.y = fetch_component(bound_attributes[location].slot, component, byte + size);
+    if (count > 2u) value.z = fetch_component(bound_attributes[location].slot, component, byte + 2u * size);
+    if (count > 3u) value.w = fetch_component(bound_attributes[location].slot, component, byte + 3u * size);
     return value;
 }
 
@@ -118,8 +119,9 @@ void main() {
     uint end = batch.slot_first + batch.slot_count;
     uint bound_end = 0u; // the first slot that is not the bound piece's
     [[dont_unroll]] for (uint round = 0u; round < VERTEX_ROUNDS; round++) {
-        uint slot = first + round * GROUP;
-        if (slot >= end) break;
+        // Lanes beyond the end bind too: one that is switched off may still make a driver look at whatever
+        // table slot it holds.
+        uint slot = min(first + round * GROUP, end - 1u);
         if (slot >= bound_end) {
             uint run = run_of_slot(slot);
             bound_end = end;
@@ -127,6 +129,7 @@ void main() {
             piece = pieces[runs[run]];
             tw_user_bind();
         }
+        if (first + round * GROUP >= end) break;
         uint local = slot - piece.vertex_base;
         uint vertex, instance;
         if (piece.vertex_mode == VERTEX_RANGED) {
