@@ -67,6 +67,7 @@ pub mod grid;
 pub mod image;
 pub mod pass;
 pub mod plan;
+mod random;
 pub mod reference;
 pub mod scene;
 pub mod shader;

@@ -1,7 +1,7 @@
 //! From a recipe to a pass: shaders, materials, buffers, draws.
 
 use super::{
-    geometry::{Kind, Model, Object, Random, Vertex, model},
+    geometry::{Kind, Model, Object, Vertex, model},
     recipe::Recipe,
     spirv,
 };
@@ -13,6 +13,7 @@ use crate::{
         Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Indices, Pass,
         Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
+    random::Random,
     shader::{Shader, Stage},
     state::{Blend, Compare, Cull, DepthState},
     target::{ColorTarget, DepthTarget},

@@ -1,7 +1,7 @@
 //! The geometry of generated scenes: meshes, where they stand, and who looks at them.
 
 use super::recipe::{MOST_TRIANGLES, Order, Recipe, Shape};
-use crate::{image::Extent, scene::Camera};
+use crate::{image::Extent, random::Random, scene::Camera};
 use glam::{Mat4, Quat, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
@@ -52,29 +52,10 @@ pub struct Model {
     pub eye: Vec3,
 }
 
-/// Numbers that look random and are the same everywhere (SplitMix64).
-pub struct Random(pub u64);
-
-impl Random {
-    /// Uniform in 0..1.
-    pub fn unit(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
-    }
-
-    /// Uniform in -1..1.
-    pub fn signed(&mut self) -> f32 {
-        self.unit() * 2.0 - 1.0
-    }
-
-    /// A soft colour.
-    fn tint(&mut self) -> [f32; 3] {
-        let hue = self.unit() * TAU;
-        [0.0, 2.1, 4.2].map(|shift| 0.65 + 0.3 * (hue + shift).cos())
-    }
+/// A soft colour.
+fn tint(random: &mut Random) -> [f32; 3] {
+    let hue = random.unit() * TAU;
+    [0.0, 2.1, 4.2].map(|shift| 0.65 + 0.3 * (hue + shift).cos())
 }
 
 /// The geometry of `recipe` for a picture of `extent`.
@@ -166,7 +147,12 @@ fn sheet(recipe: &Recipe, extent: Extent) -> Model {
         meshes.push(mesh);
         let z = 0.1 + 0.8 * layer as f32 / layers.depth as f32;
         let model = Mat4::from_translation(Vec3::new(0.0, 0.0, z));
-        objects.push(Object { mesh: layer as usize, model, tint: random.tint(), kind: Kind::Open });
+        objects.push(Object {
+            mesh: layer as usize,
+            model,
+            tint: tint(&mut random),
+            kind: Kind::Open,
+        });
     }
     upright(meshes, objects)
 }
@@ -200,7 +186,7 @@ fn hall(extent: Extent) -> Model {
     let mut random = Random(3);
     let mut add = |center: Vec3, half: Vec3| {
         let model = Mat4::from_translation(center) * Mat4::from_scale(half);
-        objects.push(Object { mesh: 0, model, tint: random.tint(), kind: Kind::Solid });
+        objects.push(Object { mesh: 0, model, tint: tint(&mut random), kind: Kind::Solid });
     };
     for (center, half) in [
         (Vec3::new(0.0, -1.0, 0.0), Vec3::new(5.0, 0.1, 8.0)),
@@ -296,7 +282,7 @@ fn crowd(count: u32, draws: u32, extent: Extent) -> Model {
         let turn =
             Quat::from_rotation_y(random.unit() * TAU) * Quat::from_rotation_x(random.unit());
         let model = Mat4::from_scale_rotation_translation(Vec3::splat(radius), turn, at);
-        Object { mesh: 0, model, tint: random.tint(), kind: Kind::Solid }
+        Object { mesh: 0, model, tint: tint(&mut random), kind: Kind::Solid }
     };
     let objects = (0..draws).map(object).collect();
     seen(vec![rippled(count / draws, 0.0, [0.0, 1.0])], objects, &camera, extent)
