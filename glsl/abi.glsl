@@ -79,11 +79,11 @@ struct Attribute {
 struct Triangle {
     ivec3 x;
     ivec3 y;
+    uint bounds_min;
+    uint bounds_max;
     float z;
     float dzdx;
     float dzdy;
-    uint bounds_min;
-    uint bounds_max;
     uint piece;
     uvec3 vertices;
     uint flags;

@@ -16,6 +16,7 @@
 #extension GL_KHR_shader_subgroup_ballot : require
 #include "abi.glsl"
 #include "lib/cells.glsl"
+#include "lib/tile.glsl"
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 layout(local_size_x_id = SPEC_WIDTH) in;
@@ -26,8 +27,7 @@ layout(scalar, binding = 2) writeonly buffer Bins { uint bins[]; };
 // Three words: the arguments of a dispatch with a workgroup for each non-empty bin.
 layout(scalar, binding = 3) writeonly buffer BinArgs { uint bin_args[]; };
 
-bool bin_has_work(const uint bin, const uint own) {
-    uvec2 position = uvec2(bin % batch.bins_x, bin / batch.bins_x);
+bool bin_has_work(const uvec2 position, const uint own) {
     uint around = own;
     [[unroll]] for (uint level = 1u; level < CELL_LEVELS; level++) {
         uvec2 cell = position >> (CELL_LOG2[level] - BIN_SIZE_LOG2);
@@ -43,10 +43,11 @@ void main() {
         uint cell = first + lane;
         uint count = cell < batch.cells ? cell_counts[cell] : 0u;
         uint place = entries + subgroupExclusiveAdd(count);
-        bool work = cell < batch.bins && bin_has_work(cell, count);
+        uvec2 position = uvec2(cell % batch.bins_x, cell / batch.bins_x);
+        bool work = cell < batch.bins && bin_has_work(position, count);
         uvec4 mask = subgroupBallot(work);
         if (cell < batch.cells) cell_ends[cell] = place;
-        if (work) bins[listed + subgroupBallotExclusiveBitCount(mask)] = cell;
+        if (work) bins[listed + subgroupBallotExclusiveBitCount(mask)] = bin_packed(position);
         entries += subgroupAdd(count);
         listed += subgroupBallotBitCount(mask);
     }

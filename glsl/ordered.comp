@@ -13,11 +13,13 @@
 // in memory, touched by one lane only.
 #version 460
 #extension GL_KHR_shader_subgroup_vote : require
+
+layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+
 #include "fragment.glsl"
 #include "lib/cells.glsl"
 #include "lib/blend.glsl"
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 layout(constant_id = SPEC_FORMAT) const uint FORMAT = 0u;
 layout(constant_id = SPEC_DEPTH) const uint DEPTH = DEPTH_EARLY_TEST;
 layout(local_size_x_id = SPEC_WIDTH) in;
@@ -25,8 +27,9 @@ layout(scalar, binding = 5) readonly buffer Bins { uint bins[]; };
 layout(scalar, binding = 6) readonly buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 7) readonly buffer Entries { uint entries[]; };
 layout(scalar, binding = 8) buffer Depth { float depth[]; };
-layout(scalar, binding = 9) writeonly buffer Visibility { uint visibility[]; };
+layout(scalar, binding = 9) writeonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 10) buffer Color { uint color[]; };
+layout(scalar, binding = 11) writeonly buffer BinBounds { vec2 bin_bounds[]; };
 
 bool compare(const uint operation, const float a, const float b) {
     switch (operation) {
@@ -69,7 +72,8 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     // A coarse cell lists triangles that miss some of its bins.
     if (any(lessThan(high, ivec2(0))) || any(greaterThan(low, bin_last))) return;
     Edges edges = edges_from(x, y, origin, 0u);
-    uint piece = triangles[t].piece;
+    uint piece = triangles[t].z_dzdx_dzdy_piece.w;
+    vec3 z_plane = uintBitsToFloat(triangles[t].z_dzdx_dzdy_piece.xyz);
     bool test = pieces[piece].depth_test != 0u, write = pieces[piece].depth_write != 0u;
     uint operation = pieces[piece].depth_compare;
 
@@ -83,7 +87,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
         bool alive = (e.x | e.y | e.z) >= 0 && all(greaterThanEqual(p, low)) && all(lessThanEqual(p, high));
         if (!subgroupAny(alive)) continue;
         uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
-        float z = depth_at(triangles[t].z, triangles[t].dzdx, triangles[t].dzdy, origin + p);
+        float z = depth_at(z_plane.x, z_plane.y, z_plane.z, origin + p);
         if (test && DEPTH != DEPTH_LATE) alive = alive && compare(operation, z, depth[at]);
         if (!subgroupAny(alive)) continue;
         if (DEPTH == DEPTH_EARLY && alive && test && write) depth[at] = z;
@@ -96,19 +100,21 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
         if (keep && test && DEPTH == DEPTH_LATE) keep = compare(operation, late, depth[at]);
         if (keep) {
             if (test && write && DEPTH != DEPTH_EARLY) depth[at] = DEPTH == DEPTH_LATE ? late : z;
-            visibility[bin * BIN_PIXELS + first + lane] = key;
+            visibility[bin * BIN_QUADS + ((first + lane) >> 2)][lane & 3u] = key;
             write_color(at, piece);
         }
     }
 }
 
 void main() {
-    uint bin = bins[gl_WorkGroupID.x];
-    uvec2 bin_position = uvec2(bin % batch.bins_x, bin / batch.bins_x);
-    for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) visibility[bin * BIN_PIXELS + i] = 0u;
+    uvec2 position = bin_position(bins[gl_WorkGroupID.x]);
+    uint bin = position.y * batch.bins_x + position.x;
+    for (uint i = gl_SubgroupInvocationID; i < BIN_QUADS; i += WIDTH) visibility[bin * BIN_QUADS + i] = uvec4(0u);
+    // Depth is written here and there, in any direction.
+    if (gl_SubgroupInvocationID == 0u) bin_bounds[bin] = vec2(0.0, 1.0);
     uint at[CELL_LEVELS], end[CELL_LEVELS];
     for (uint level = 0u; level < CELL_LEVELS; level++) {
-        uvec2 cell_position = bin_position >> (CELL_LOG2[level] - BIN_SIZE_LOG2);
+        uvec2 cell_position = position >> (CELL_LOG2[level] - BIN_SIZE_LOG2);
         uint cell = batch.cell_first[level] + cell_position.y * batch.cell_columns[level] + cell_position.x;
         at[level] = cell == 0u ? 0u : cell_ends[cell - 1u];
         end[level] = cell_ends[cell];
@@ -122,6 +128,6 @@ void main() {
         }
         if (next == 0xffffffffu) break;
         at[from]++;
-        draw(next, bin, ivec2(bin_position << BIN_SIZE_LOG2));
+        draw(next, bin, ivec2(position << BIN_SIZE_LOG2));
     }
 }

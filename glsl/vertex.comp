@@ -50,6 +50,12 @@ uint tw_resource(const in uint i) {
     return resource_slots[piece.vertex_resources + i];
 }
 
+uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last) {
+    uvec4 at = min(word + uvec4(0u, 1u, 2u, 3u), uvec4(last));
+    return uvec4(table[nonuniformEXT(slot)].words[at.x], table[nonuniformEXT(slot)].words[at.y],
+                 table[nonuniformEXT(slot)].words[at.z], table[nonuniformEXT(slot)].words[at.w]);
+}
+
 void tw_bind_attribute(const in uint location) {
     bound_attributes[location] = attributes[piece.attribute_base + location];
 }
@@ -94,7 +100,7 @@ void tw_output(const in uint location, const in uint component, const in uint co
 
 // Both are replaced by the splicer; they call every hook, so that none is optimised away.
 void tw_user_bind() {
-    tw_bind_attribute(tw_resource(0u));
+    tw_bind_attribute(tw_block_words(tw_resource(0u), 0u, 0u).x);
 }
 
 void tw_user_main() {

@@ -46,6 +46,10 @@ pub const VERTEX_ROUNDS: u32 = 8;
 pub const PRIMITIVE_ROUNDS: u32 = 8;
 /// Input locations of a vertex shader.
 pub const MAX_ATTRIBUTES: u32 = 32;
+/// Input locations of a fragment shader.
+pub const MAX_VARYINGS: u32 = 32;
+/// Entry of the bins to shade: one triangle shows in all of the bin's pixels.
+pub const BIN_WHOLE: u32 = 0x8000_0000;
 /// Pixels that one invocation of the clear fills: a workgroup costs more than a few stores.
 pub const CLEAR_PIXELS: u32 = 16;
 /// Specialization constant: the subgroup width, also the workgroup size of subgroup-wide kernels.
@@ -241,7 +245,8 @@ pub struct Attribute {
     pub stride: u32,
 }
 
-/// A triangle after setup: what raster, z-test and shading need of it.
+/// A triangle after setup: what raster, z-test and shading need of it. The second half, four words for
+/// each lane of a quad, is what shading reads.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Triangle {
@@ -249,16 +254,16 @@ pub struct Triangle {
     pub x: [i32; 3],
     /// See `x`.
     pub y: [i32; 3],
+    /// First pixel that may be covered: x in the low half, y in the high half.
+    pub bounds_min: u32,
+    /// Last pixel that may be covered.
+    pub bounds_max: u32,
     /// Depth at the centre of the target's pixel (0, 0).
     pub z: f32,
     /// Change of depth per pixel to the right.
     pub dzdx: f32,
     /// Change of depth per pixel down.
     pub dzdy: f32,
-    /// First pixel that may be covered: x in the low half, y in the high half.
-    pub bounds_min: u32,
-    /// Last pixel that may be covered.
-    pub bounds_max: u32,
     /// Its piece.
     pub piece: u32,
     /// Vertex slots of the primitive's three vertices, the provoking one first.

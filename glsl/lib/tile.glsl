@@ -4,6 +4,18 @@
 #ifndef TILE_GLSL
 #define TILE_GLSL
 
+// Quads of a bin.
+const uint BIN_QUADS = BIN_PIXELS / 4u;
+
+// A bin as lists name it: by column and row. Nothing has to divide by the columns of a band.
+uint bin_packed(const uvec2 position) {
+    return position.x | position.y << 16;
+}
+
+uvec2 bin_position(const uint packed) {
+    return uvec2(packed & 0xffffu, (packed & ~BIN_WHOLE) >> 16);
+}
+
 // Position in the bin of its `i`th pixel. Bits do not mix: the position of a sum of disjoint bits is
 // the sum of the positions.
 uvec2 tile_pixel(const uint i) {

@@ -47,9 +47,10 @@ bool has(int flag) {
     return (material.flags.x >> flag & 1u) != 0u;
 }
 
-vec2 map_uv(int map) {
-    vec4 u = material.uv_rows[2 * map];
-    vec4 v = material.uv_rows[2 * map + 1];
+// The two rows of a map's texture transform.
+#define UV_ROWS(map) material.uv_rows[2 * (map)], material.uv_rows[2 * (map) + 1]
+
+vec2 map_uv(vec4 u, vec4 v) {
     vec3 uv = vec3(u.w > 0.5 ? in_uv.zw : in_uv.xy, 1.0);
     return vec2(dot(u.xyz, uv), dot(v.xyz, uv));
 }
@@ -120,25 +121,25 @@ vec3 compress(vec3 color) {
 void main() {
     vec4 base = material.base_color * in_color;
     if (has(BASE_COLOR)) {
-        base *= texture(base_color_map, map_uv(BASE_COLOR));
+        base *= texture(base_color_map, map_uv(UV_ROWS(BASE_COLOR)));
     }
     vec2 metallic_roughness = material.surface.xy;
     if (has(METALLIC_ROUGHNESS)) {
         metallic_roughness *=
-            texture(metallic_roughness_map, map_uv(METALLIC_ROUGHNESS)).bg;
+            texture(metallic_roughness_map, map_uv(UV_ROWS(METALLIC_ROUGHNESS))).bg;
     }
     vec3 mapped = vec3(0.0, 0.0, 1.0);
     if (has(NORMAL)) {
-        mapped = texture(normal_map, map_uv(NORMAL)).xyz * 2.0 - 1.0;
+        mapped = texture(normal_map, map_uv(UV_ROWS(NORMAL))).xyz * 2.0 - 1.0;
     }
     float occlusion = 1.0;
     if (has(OCCLUSION)) {
-        float map = texture(occlusion_map, map_uv(OCCLUSION)).r;
+        float map = texture(occlusion_map, map_uv(UV_ROWS(OCCLUSION))).r;
         occlusion = 1.0 + material.surface.w * (map - 1.0);
     }
     vec3 emissive = material.emissive.rgb;
     if (has(EMISSIVE)) {
-        emissive *= texture(emissive_map, map_uv(EMISSIVE)).rgb;
+        emissive *= texture(emissive_map, map_uv(UV_ROWS(EMISSIVE))).rgb;
     }
 #ifdef ALPHA_MASK
     // After all samples: they need the neighbours that this may end.

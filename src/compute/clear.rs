@@ -30,6 +30,7 @@ pub fn record(
 ) -> Result<()> {
     recorder.group(|recorder| {
         recorder.fill(&target.depth, values.depth.to_bits())?;
+        recorder.fill(&target.bin_bounds, values.depth.to_bits())?;
         if let Some(texel) = image::texel_rgba8(format, values.color) {
             return recorder.fill(&target.color, u32::from_le_bytes(texel));
         }

@@ -26,7 +26,7 @@ use crate::{
 /// | `cell_ends` | end of a cell's list | scan, scatter | raster, ordered |
 /// | `entries` | key in a cell's list | scatter, sort | raster, ordered |
 /// | `bins`, `bin_args` | non-empty bin; dispatch over them | scan | raster, ordered |
-/// | `visibility` | key a pixel shows | raster, ordered | shade |
+/// | `visibility` | keys that the pixels of a quad show | raster, ordered | shade |
 /// | `shade_bins`, `shade_args` | bin of a fragment kernel; dispatch over them | raster | shade |
 pub struct Buffers {
     pub attributes: Buffer<Attribute>,
@@ -40,7 +40,7 @@ pub struct Buffers {
     pub entries: Buffer<u32>,
     pub bins: Buffer<u32>,
     pub bin_args: Buffer<u32>,
-    pub visibility: Buffer<u32>,
+    pub visibility: Buffer<[u32; 4]>,
     pub shade_args: Buffer<[u32; 3]>,
     pub shade_args_start: Buffer<[u32; 3]>,
     pub shade_bins: Buffer<u32>,
@@ -172,7 +172,7 @@ impl Setup {
             entries: words_of("entries", capacities.entries() as usize)?,
             bins: words_of("bins", band.bins() as usize)?,
             bin_args: words_of("bin arguments", 3)?,
-            visibility: words_of("visibility", pixels)?,
+            visibility: Buffer::new(gpu, "visibility", (pixels / 4).max(1), device)?,
             shade_args: Buffer::new(gpu, "shade arguments", fragment_kernels, device)?,
             shade_args_start: Buffer::upload(gpu, "first shade arguments", &start)?,
             shade_bins: words_of("shade bins", fragment_kernels * band.bins() as usize)?,

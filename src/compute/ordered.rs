@@ -23,6 +23,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("CellEnds", &b.cell_ends)
         .bind("Entries", &b.entries)
         .bind("Depth", &stage.target.depth)
+        .bind("BinBounds", &stage.target.bin_bounds)
         .bind("Visibility", &b.visibility)
         .bind("Color", &stage.target.color)
         .table(stage.table)

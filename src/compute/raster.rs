@@ -20,6 +20,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("Triangles", &b.triangles)
         .bind("Pieces", stage.pieces)
         .bind("Depth", &stage.target.depth)
+        .bind("BinBounds", &stage.target.bin_bounds)
         .bind("Visibility", &b.visibility)
         .bind("ShadeArgs", &b.shade_args)
         .bind("ShadeBins", &b.shade_bins)

@@ -18,6 +18,8 @@ pub struct Target {
     pub color: Buffer<u32>,
     /// Depth of pixels.
     pub depth: Buffer<f32>,
+    /// The least and the greatest depth that a bin may hold.
+    pub bin_bounds: Buffer<[f32; 2]>,
     /// What the host reads; the same memory where it sees the device's.
     pub host_color: Buffer<u32>,
     /// See `host_color`.
@@ -36,7 +38,9 @@ impl Target {
             let memory = Memory::Device;
             (Buffer::new(gpu, "color", words, memory)?, Buffer::new(gpu, "depth", pixels, memory)?)
         };
-        Ok(Self { color, depth, host_color, host_depth })
+        let bins = band.bins() as usize;
+        let bin_bounds = Buffer::new(gpu, "bounds of bins", bins, Memory::Device)?;
+        Ok(Self { color, depth, bin_bounds, host_color, host_depth })
     }
 
     /// Brings the target to the host, where that takes anything.

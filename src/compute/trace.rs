@@ -55,7 +55,7 @@ impl Setup {
                     positions: positions.read()?[..batch.vertices as usize].to_vec(),
                     triangles: parts(&triangles.read()?, batch.primitives, self.extra_first()),
                     cells: lists(&ends.read()?[..band.cells as usize], &entries.read()?),
-                    visibility: rows(band, &visibility.read()?),
+                    visibility: rows(band, visibility.read()?.as_flattened()),
                     depth_before: depth_before.read()?,
                     depth: depth.read()?,
                 });

@@ -104,13 +104,28 @@ impl Instance {
         let layer_names = if validation { vec![VALIDATION_LAYER.as_ptr()] } else { vec![] };
         let mut extension_names =
             if debug_utils { vec![ext::debug_utils::NAME.as_ptr()] } else { vec![] };
-        let check_hazards = validation && layer_offers(entry, ext::validation_features::NAME);
-        if check_hazards {
+        // Checking for hazards between commands is off unless asked for, and finds what no driver on
+        // one machine shows. Newer layers take it as a setting, and do not look at what shaders access
+        // unless another one says so.
+        let offers = |name| validation && layer_offers(entry, name);
+        let by_settings = offers(ext::layer_settings::NAME);
+        let by_features = !by_settings && offers(ext::validation_features::NAME);
+        if by_settings {
+            extension_names.push(ext::layer_settings::NAME.as_ptr());
+        }
+        if by_features {
             extension_names.push(ext::validation_features::NAME.as_ptr());
         }
         let hazards = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features =
             vk::ValidationFeaturesEXT::default().enabled_validation_features(&hazards);
+        let on = vk::TRUE.to_ne_bytes();
+        let wanted = [c"validate_sync", c"syncval_shader_accesses_heuristic"].map(|name| {
+            let setting = vk::LayerSettingEXT::default().ty(vk::LayerSettingTypeEXT::BOOL32);
+            let setting = setting.layer_name(VALIDATION_LAYER).setting_name(name).values(&on);
+            vk::LayerSettingEXT { value_count: 1, ..setting }
+        });
+        let mut settings = vk::LayerSettingsCreateInfoEXT::default().settings(&wanted);
         let messages = Messages::default();
         // Chained to the instance as well, so that messages about its creation are seen.
         let mut messenger_info = messenger_info(&messages);
@@ -121,7 +136,10 @@ impl Instance {
         if validation {
             info = info.push_next(&mut messenger_info);
         }
-        if check_hazards {
+        if by_settings {
+            info = info.push_next(&mut settings);
+        }
+        if by_features {
             info = info.push_next(&mut features);
         }
         // SAFETY: all pointers in `info` outlive the call; `messages` outlives the instance.
@@ -154,8 +172,7 @@ impl Instance {
     }
 }
 
-/// Whether the validation layer brings this extension: checking for hazards between commands is
-/// off unless asked for, and finds what no driver on one machine shows.
+/// Whether the validation layer brings this extension.
 fn layer_offers(entry: &ash::Entry, name: &CStr) -> bool {
     // SAFETY: a query of a layer that is installed.
     let all = unsafe { entry.enumerate_instance_extension_properties(Some(VALIDATION_LAYER)) };

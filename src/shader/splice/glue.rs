@@ -1,8 +1,8 @@
-//! The bodies of the stubs: `tw_user_bind`, what one draw needs once, and `tw_user_main`, what comes
-//! before and after the user's entry point.
+//! The bodies of the stubs: `tw_user_bind`, what one draw needs once, `tw_user_bind_inputs`, what one
+//! triangle needs once, and `tw_user_main`, what comes before and after the user's entry point.
 //!
 //! Binding: the table indices of the draw's resources, what is brought over from uniform blocks, and
-//! the vertex attributes that will be read. Calling: first the initial values of the user's variables
+//! the vertex attributes or the triangle's varyings that will be read. Calling: first the initial values of the user's variables
 //! (a kernel may call the stub many times), built-ins, and inputs, location by location through the
 //! kernel's hooks. Then the user's code. Then outputs, as bits. Compilers drop what the user's code
 //! does not read.
@@ -35,11 +35,19 @@ pub(super) fn write(
     glue.resources(imported, indices)?;
     glue.code.instructions.extend(prefetched);
     if stage == Stage::Vertex {
-        glue.attributes(imported)?;
+        glue.bind_each(imported, "tw_bind_attribute(u1;", abi::MAX_ATTRIBUTES)?;
     }
     glue.code.effect(Op::Return, vec![]);
     let body = glue.code.instructions;
     replace_stub(linker, hooks.function("tw_user_bind(")?, body)?;
+
+    if stage == Stage::Fragment {
+        let mut glue = Glue { code: Code::new(linker), hooks, stage };
+        glue.bind_each(imported, "tw_bind_input(u1;", abi::MAX_VARYINGS)?;
+        glue.code.effect(Op::Return, vec![]);
+        let body = glue.code.instructions;
+        replace_stub(linker, hooks.function("tw_user_bind_inputs(")?, body)?;
+    }
 
     let mut glue = Glue { code: Code::new(linker), hooks, stage };
     for &(variable, value) in &imported.initial {
@@ -81,15 +89,16 @@ impl Glue<'_> {
         Ok(())
     }
 
-    fn attributes(&mut self, imported: &Imported) -> Outcome<()> {
+    /// Calls `hook` for each input location below `limit`.
+    fn bind_each(&mut self, imported: &Imported, hook: &str, limit: u32) -> Outcome<()> {
         let inputs = imported.ports.iter().filter(|p| !p.output);
         let locations: BTreeSet<u32> =
             inputs.flat_map(Port::leaves).map(|leaf| leaf.varying.location).collect();
         for location in locations {
-            if location >= abi::MAX_ATTRIBUTES {
-                return Err(format!("it reads location {location} of {}", abi::MAX_ATTRIBUTES));
+            if location >= limit {
+                return Err(format!("it reads location {location} of {limit}"));
             }
-            let hook = self.hooks.function("tw_bind_attribute(u1;")?;
+            let hook = self.hooks.function(hook)?;
             let location = self.code.linker.uint_constant(location);
             let void = self.code.linker.void();
             self.code.call(void, hook, &[location]);

@@ -1,7 +1,7 @@
 //! Splicing: a user's shader becomes a function of one of the engine's kernels.
 //!
-//! The kernel is ordinary GLSL, compiled ahead of time, with two empty functions, `tw_user_bind` and
-//! `tw_user_main`, and hooks that know where inputs come from and outputs go (the hooks are listed in
+//! The kernel is ordinary GLSL, compiled ahead of time, with empty functions called `tw_user_…`
+//! and hooks that know where inputs come from and outputs go (the hooks are listed in
 //! `hooks.rs`). The user's module is brought over into the kernel's, declaration by declaration; what
 //! belongs to a graphics pipeline is turned into what compute has; and the stubs get bodies that bring
 //! what a draw needs once, fetch inputs, call the user's `main` and hand on its outputs. The user's
@@ -26,6 +26,7 @@ mod guard;
 mod hooks;
 mod import;
 mod kill;
+mod layout;
 mod limits;
 mod linker;
 mod nonuniform;
@@ -114,10 +115,13 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
     let indices = index_variables(&mut linker, imported.elements.len());
     let arrays = imported.elements.iter().filter(|(_, e)| e.is_array()).map(|(v, _)| *v).collect();
     specialize::specialize(&mut linker, &mut functions, &arrays)?;
-    if options.blocks == Blocks::Prefetched {
-        let body = prefetch::prefetch(&mut linker, &mut functions, &imported.elements)?;
-        functions.push(body);
-    }
+    let prefetched = match options.blocks {
+        Blocks::Prefetched => {
+            let elements = &imported.elements;
+            prefetch::prefetch(&mut linker, &hooks, &mut functions, elements, &indices)?
+        }
+        Blocks::InPlace => vec![],
+    };
     resources::lower(&mut linker, &mut functions, &imported.elements, &indices)?;
     if shader.stage == Stage::Fragment {
         fragment::lower(&mut linker, &hooks, &mut functions, &imported.attachments)?;
@@ -132,12 +136,6 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
         guard::lower(&mut linker, &mut functions, helper);
     }
     nonuniform::mark(&mut linker, &functions, &imported.elements);
-    let prefetched = match options.blocks {
-        Blocks::Prefetched => functions.pop(),
-        Blocks::InPlace => None,
-    };
-    let prefetched = prefetched.into_iter().flat_map(|f| f.blocks).flat_map(|b| b.instructions);
-    let prefetched = prefetched.collect();
     glue::write(&mut linker, &hooks, shader.stage, &imported, &indices, prefetched)?;
     linker.module.functions.append(&mut functions);
     Ok(finish(linker, kernel_globals, &user))

@@ -49,7 +49,11 @@ pub(super) fn mark(linker: &mut Linker, functions: &[Function], elements: &[(Wor
             }
         }
     }
-    for result in order {
+    let already: HashSet<Word> = (linker.module.annotations.iter())
+        .filter(|i| i.operands.get(1) == Some(&Operand::Decoration(Decoration::NonUniform)))
+        .filter_map(|i| i.operands.first()?.id_ref_any())
+        .collect();
+    for result in order.into_iter().filter(|result| !already.contains(result)) {
         linker.decorate(result, Decoration::NonUniform, &[]);
     }
     if elements.is_empty() {

@@ -4,64 +4,134 @@
 //! each word of it lane by lane, six nanoseconds for eight lanes on lavapipe, and a common material
 //! reads eighty for every fragment. Kernels run the user's code many times for one draw; so what it
 //! reads at places that are known in advance is brought into private variables when the kernel binds
-//! a draw (`tw_user_bind`), and its code reads those.
+//! a draw (`tw_user_bind`), and its code reads those. The kernel's hook brings four words at a time: where
+//! the lanes of a quad are of one draw, each of them fetches one.
 //!
 //! Only scalars, vectors and matrices of 32-bit numbers that are read as a whole are brought; what is indexed at run
 //! time stays where it is.
 
 use super::{
+    hooks::Hooks,
+    layout::Layouts,
     linker::{Code, Linker, id, literal},
     resources::Element,
 };
 use crate::shader::module::{Outcome, ids};
 use rspirv::{
-    dr::{Block, Function, Instruction, Operand},
-    spirv::{Op, StorageClass, Word},
+    dr::{Function, Instruction, Operand},
+    spirv::{Op, Word},
 };
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// Words that are brought, at most: private variables are registers, or memory of a lane.
-const MAX_WORDS: u32 = 384;
+const MAX_WORDS: usize = 384;
+/// Words that the kernel's hook brings at once.
+const AT_ONCE: u32 = 4;
 
 /// A variable and the constant indices of a part of it.
 type Place = (Word, Vec<Word>);
 
-/// Makes the user's functions read private variables, and returns a body that fills them, in which
-/// the table's variables are used as the user would.
+/// A part of a block and the private variable that stands for it.
+struct Part {
+    variable: Word,
+    ty: Word,
+    words: Vec<u32>,
+    stand_in: Word,
+}
+
+/// Makes the user's functions read private variables, and returns what fills them. `indices` are the
+/// variables that hold the table index of each of `elements`.
 pub(super) fn prefetch(
     linker: &mut Linker,
+    hooks: &Hooks,
     functions: &mut [Function],
     elements: &[(Word, Element)],
-) -> Outcome<Function> {
-    let blocks: HashSet<Word> = (elements.iter())
-        .filter(|(_, element)| element.is_read_only() && !element.is_array())
-        .map(|(variable, _)| *variable)
+    indices: &[Word],
+) -> Outcome<Vec<Instruction>> {
+    let blocks: HashMap<Word, (Word, Word)> = (elements.iter().zip(indices))
+        .filter(|((_, element), _)| element.is_read_only() && !element.is_array())
+        .map(|((variable, element), &index)| (*variable, (element.ty(), index)))
         .collect();
-    let chains = chains(linker, functions, &blocks);
+    let layouts = Layouts::new(linker);
+    let mut words_left = MAX_WORDS;
+    let mut parts: Vec<Part> = Vec::new();
+    let mut known: HashMap<Place, Word> = HashMap::new();
+    let mut instead: HashMap<Word, Word> = HashMap::new();
+    for (result, place, ty) in chains(linker, functions, &blocks) {
+        if let Some(&stand_in) = known.get(&place) {
+            instead.insert(result, stand_in);
+            continue;
+        }
+        let variable = place.0;
+        let words = layouts.words(linker, blocks[&variable].0, &place.1);
+        let Some(words) = words.filter(|words| words.len() <= words_left) else { continue };
+        words_left -= words.len();
+        let stand_in = linker.private(ty);
+        known.insert(place, stand_in);
+        instead.insert(result, stand_in);
+        parts.push(Part { variable, ty, words, stand_in });
+    }
+    replace(linker, functions, &instead);
 
     let mut code = Code::new(linker);
-    let mut words = 0;
-    let mut parts: HashMap<Place, Word> = HashMap::new();
-    let mut instead: HashMap<Word, Word> = HashMap::new();
-    for (result, place, ty) in chains {
-        let part = match parts.get(&place) {
-            Some(&part) => part,
-            None if words + words_of(code.linker, ty) > MAX_WORDS => continue,
-            None => {
-                words += words_of(code.linker, ty);
-                let part = code.linker.private(ty);
-                let pointer = code.linker.pointer(StorageClass::StorageBuffer, ty);
-                let operands = [place.0].iter().chain(&place.1).map(|&word| id(word)).collect();
-                let pointer = code.emit(Op::AccessChain, pointer, operands);
-                let value = code.load(ty, pointer);
-                code.store(part, value);
-                parts.insert(place, part);
-                part
-            }
-        };
-        instead.insert(result, part);
+    for (variable, (_, index)) in elements.iter().filter_map(|(v, _)| Some((v, blocks.get(v)?))) {
+        let parts: Vec<&Part> = parts.iter().filter(|part| part.variable == *variable).collect();
+        fill(&mut code, hooks, *index, &parts)?;
     }
-    let instructions = code.instructions;
+    Ok(code.instructions)
+}
+
+/// Fills the parts of one block, whose table index `index` holds.
+fn fill(code: &mut Code, hooks: &Hooks, index: Word, parts: &[&Part]) -> Outcome<()> {
+    let Some(&last) = parts.iter().flat_map(|part| &part.words).max() else { return Ok(()) };
+    let uint = code.linker.uint();
+    let four = code.linker.vector(uint, AT_ONCE);
+    let hook = hooks.function("tw_block_words(u1;u1;u1;")?;
+    let slot = code.load(uint, index);
+    let last = code.linker.uint_constant(last);
+    let mut brought: BTreeMap<u32, Word> = BTreeMap::new();
+    for &word in parts.iter().flat_map(|part| &part.words) {
+        brought.insert(word / AT_ONCE, 0);
+    }
+    for (&group, words) in &mut brought {
+        let first = code.linker.uint_constant(group * AT_ONCE);
+        *words = code.call(four, hook, &[slot, first, last]);
+    }
+    for part in parts {
+        let scalars: Vec<Word> = (part.words.iter())
+            .map(|word| code.swizzle(uint, brought[&(word / AT_ONCE)], word % AT_ONCE, 1))
+            .collect();
+        let (value, _) = compose(code, part.ty, &scalars)?;
+        code.store(part.stand_in, value);
+    }
+    Ok(())
+}
+
+/// A value of type `ty` of the first of `scalars`, and the others.
+fn compose<'s>(code: &mut Code, ty: Word, scalars: &'s [Word]) -> Outcome<(Word, &'s [Word])> {
+    let declaration = code.linker.global(ty)?;
+    match (declaration.class.opcode, declaration.operands.as_slice()) {
+        (
+            Op::TypeVector | Op::TypeMatrix,
+            &[Operand::IdRef(part), Operand::LiteralBit32(count)],
+        ) => {
+            let (mut values, mut rest) = (Vec::new(), scalars);
+            for _ in 0..count {
+                let (value, after) = compose(code, part, rest)?;
+                values.push(id(value));
+                rest = after;
+            }
+            Ok((code.emit(Op::CompositeConstruct, ty, values), rest))
+        }
+        _ => match scalars {
+            [first, rest @ ..] => Ok((code.bitcast(ty, *first)?, rest)),
+            [] => Err("a block whose words are not all known".into()),
+        },
+    }
+}
+
+/// Makes loads from the chains load from the variables that stand in for them.
+fn replace(linker: &mut Linker, functions: &mut [Function], instead: &HashMap<Word, Word>) {
     for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
         block.instructions.retain(|i| i.result_id.is_none_or(|id| !instead.contains_key(&id)));
         for load in block.instructions.iter_mut().filter(|i| i.class.opcode == Op::Load) {
@@ -74,9 +144,6 @@ pub(super) fn prefetch(
     let stays = |i: &Instruction| ids(i).next().is_none_or(|target| !instead.contains_key(&target));
     linker.module.debug_names.retain(stays);
     linker.module.annotations.retain(stays);
-    let mut body = Function::new();
-    body.blocks.push(Block { label: None, instructions });
-    Ok(body)
 }
 
 /// Access chains that go by constants to a value in one of `blocks`, and from which nothing is done
@@ -84,7 +151,7 @@ pub(super) fn prefetch(
 fn chains(
     linker: &Linker,
     functions: &[Function],
-    blocks: &HashSet<Word>,
+    blocks: &HashMap<Word, (Word, Word)>,
 ) -> Vec<(Word, Place, Word)> {
     let instructions = || functions.iter().flat_map(|f| &f.blocks).flat_map(|b| &b.instructions);
     let mut found = Vec::new();
@@ -94,7 +161,7 @@ fn chains(
             continue;
         };
         let mut operands = ids(i);
-        let Some(variable) = operands.next().filter(|v| blocks.contains(v)) else { continue };
+        let Some(variable) = operands.next().filter(|v| blocks.contains_key(v)) else { continue };
         let indices: Vec<Word> = operands.collect();
         let constant = indices.iter().all(|&index| linker.op(index) == Some(Op::Constant));
         let Some((_, ty)) = linker.pointee(pointer).filter(|_| constant) else { continue };
@@ -120,16 +187,5 @@ fn is_plain(linker: &Linker, ty: Word) -> bool {
             is_plain(linker, part)
         }
         _ => false,
-    }
-}
-
-/// Words of such a type.
-fn words_of(linker: &Linker, ty: Word) -> u32 {
-    match linker.global(ty).map(|i| (i.class.opcode, i.operands.as_slice())) {
-        Ok((Op::TypeVector | Op::TypeMatrix, [Operand::IdRef(part), count])) => {
-            let count = if let Operand::LiteralBit32(count) = count { *count } else { 4 };
-            count * words_of(linker, *part)
-        }
-        _ => 1,
     }
 }

@@ -202,6 +202,11 @@ impl Element {
         !self.lengths.is_empty()
     }
 
+    /// The type of one resource.
+    pub fn ty(&self) -> Word {
+        self.ty
+    }
+
     /// Whether the user's code can only read it.
     pub fn is_read_only(&self) -> bool {
         self.read_only

@@ -1,0 +1,44 @@
+// Blocks: the parts of a bin that raster tests against a triangle at once, and bounds of depth in them.
+// What includes this defines WIDTH, the subgroup's, and GREATER, whether the greater depth is nearer.
+#ifndef BLOCK_GLSL
+#define BLOCK_GLSL
+
+// A block is a quadrant of the bin, or two of them where a subgroup is wider than one. It is tested in
+// patches of as many pixels as a subgroup has lanes, numbered row by row.
+const uint BLOCK = WIDTH > 64u ? WIDTH : 64u;
+const uint BLOCKS = BIN_PIXELS / BLOCK;
+const ivec2 BLOCK_LAST = ivec2(BLOCK == 64u ? 7 : 15, 7);
+const ivec2 BIN_LAST = ivec2((1 << BIN_SIZE_LOG2) - 1);
+const uint PATCH_X_LOG2 = WIDTH > 64u ? 4u : (WIDTH >= 16u ? 3u : (WIDTH == 8u ? 2u : 1u));
+const uint PATCH_Y_LOG2 = WIDTH >= 64u ? 3u : (WIDTH == 32u ? 2u : 1u);
+const uint COLUMNS = (uint(BLOCK_LAST.x) + 1u) >> PATCH_X_LOG2;
+const uint ROWS = 8u >> PATCH_Y_LOG2;
+
+bool in_front(const float a, const float b) {
+    return GREATER ? a > b : a < b;
+}
+
+// Bounds of the triangle's depth at the pixels from `origin` to `origin + last`: nothing is nearer than
+// the first, nothing farther than the second.
+vec2 depth_bounds(const vec3 plane, const ivec2 origin, const ivec2 last) {
+    vec2 at = plane.yz * vec2(origin), end = plane.yz * vec2(last);
+    float slack = (abs(plane.x) + abs(at.x) + abs(at.y) + abs(end.x) + abs(end.y)) * (1.0 / 1048576.0);
+    float start = plane.x + at.x + at.y;
+    float low = clamp(start + min(end.x, 0.0) + min(end.y, 0.0) - slack, 0.0, 1.0);
+    float high = clamp(start + max(end.x, 0.0) + max(end.y, 0.0) + slack, 0.0, 1.0);
+    return GREATER ? vec2(high, low) : vec2(low, high);
+}
+
+// One bit for each patch of the block under the pixels `low..=high`, which are relative to it and
+// overlap it.
+uint patches_under(const ivec2 low, const ivec2 high) {
+    uvec2 first = uvec2(max(low, 0)), last = uvec2(min(high, BLOCK_LAST));
+    uint columns = (2u << (last.x >> PATCH_X_LOG2)) - (1u << (first.x >> PATCH_X_LOG2));
+    uint rows = 0u;
+    [[unroll]] for (uint row = 0u; row < ROWS; row++) {
+        bool under = row >= first.y >> PATCH_Y_LOG2 && row <= last.y >> PATCH_Y_LOG2;
+        rows |= under ? columns << (row * COLUMNS) : 0u;
+    }
+    return rows;
+}
+#endif
