@@ -31,16 +31,18 @@ mod tests {
 
     #[test]
     fn work_shows() {
-        let before = process_cpu_ms();
-        let started = std::time::Instant::now();
-        let mut sum = 0u64;
-        while started.elapsed().as_millis() < 60 {
-            sum = std::hint::black_box(sum.wrapping_mul(31) + 1);
-        }
-        // Kernels without statistics of the scheduler say nothing, and nothing is claimed then.
-        if let (Some(before), Some(after)) = (before, process_cpu_ms()) {
-            assert!(after > before, "{before} {after}");
-        }
+        // Other tests' threads take their time with them when they end: some attempt has to show more.
+        let shows = (0..50).any(|_| {
+            let before = process_cpu_ms();
+            let started = std::time::Instant::now();
+            let mut sum = 0u64;
+            while started.elapsed().as_millis() < 60 {
+                sum = std::hint::black_box(sum.wrapping_mul(31) + 1);
+            }
+            // Kernels without statistics of the scheduler say nothing, and nothing is claimed then.
+            before.zip(process_cpu_ms()).is_none_or(|(before, after)| after > before)
+        });
+        assert!(shows);
         let block = vec![1u8; 8 << 20];
         assert!(peak_bytes().is_some_and(|peak| peak > std::hint::black_box(&block).len() as u64));
     }
