@@ -34,40 +34,41 @@ struct Clear {
 };
 
 struct Piece {
-    uint first_primitive;
     uint first_in_draw;
     uint primitives_per_instance;
+    uint first_primitive;
+    uint fragment_resources;
+    uint varying_base;
+    uint varying_stride;
+    uint vertex_base;
+    uint vertex_slots;
+    vec3 scale;
+    vec3 offset;
+    uint fragment_kernel;
+    uint cull;
     uint topology;
+    uint first_element;
     uint index_slot;
     uint index_bytes;
-    uint first_element;
     int base_vertex;
     uint first_instance;
     uint vertex_mode;
-    uint vertex_base;
     uint vertex_min;
     uint vertices_per_instance;
     uint instance_min;
-    uint varying_base;
-    uint varying_stride;
     uint attribute_base;
     uint vertex_resources;
-    uint fragment_resources;
-    uint fragment_kernel;
-    uint cull;
+    uint draw_id;
     uint front_face;
-    vec3 scale;
-    vec3 offset;
-    ivec2 rect_min;
-    ivec2 rect_max;
     uint cut;
     uint depth_test;
+    ivec2 rect_min;
+    ivec2 rect_max;
     uint depth_write;
     uint depth_compare;
     uint blend;
     uint blend_color;
     uint blend_alpha;
-    uint draw_id;
 };
 
 struct Attribute {

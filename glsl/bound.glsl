@@ -1,27 +1,16 @@
 // What the shading kernels keep bound: a draw, and the triangles that a quad shades.
 //
-// Loads are dear on CPUs, and shuffles are not. What a quad needs is the same for its four lanes: each
-// of them loads a part and the others get it from there; and nothing is loaded again for the next quad
-// if it is the same. What includes this defines WIDTH, the subgroup's.
+// The lanes of a quad fetch together what they need alike (`lib/quad.glsl`), and nothing is fetched
+// again for the next quad if it is the same. What includes this defines WIDTH, the subgroup's.
 #ifndef BOUND_GLSL
 #define BOUND_GLSL
-#extension GL_KHR_shader_subgroup_basic : require
-#extension GL_KHR_shader_subgroup_quad : require
 #extension GL_EXT_nonuniform_qualifier : require
 #include "abi.glsl"
 #include "lib/key.glsl"
+#include "lib/quad.glsl"
 
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
-layout(scalar, binding = 0) readonly buffer Pieces { Piece pieces[]; };
-// A `Triangle` of abi.glsl, whose second half the lanes of a quad fetch together.
-struct QuadTriangle {
-    ivec3 x;
-    ivec3 y;
-    uint bounds_min;
-    uint bounds_max;
-    uvec4 z_dzdx_dzdy_piece;
-    uvec4 vertices_flags;
-};
+layout(scalar, binding = 0) readonly buffer Pieces { QuadPiece pieces[]; };
 layout(scalar, binding = 1) readonly buffer Triangles { QuadTriangle triangles[]; };
 layout(scalar, binding = 2) readonly buffer Positions { vec4 positions[]; };
 layout(scalar, binding = 3) readonly buffer Varyings { uint varyings[]; };
@@ -60,27 +49,23 @@ uvec3 varying_base; // first word of each vertex's varyings
 void tw_user_bind();
 void tw_user_bind_inputs();
 
-// The words that the four lanes of the quad hold.
-uvec4 of_quad(const uint own) {
-    return uvec4(subgroupQuadBroadcast(own, 0u), subgroupQuadBroadcast(own, 1u),
-                 subgroupQuadBroadcast(own, 2u), subgroupQuadBroadcast(own, 3u));
-}
-
 // Makes the piece and its resources those of the calls that follow. Most calls find them bound: what
 // many fragments share is fetched once.
 void bind(const uint piece) {
     if (piece == bound_piece) return;
     bound_piece = piece;
-    window_scale = pieces[piece].scale.xy;
-    window_offset = pieces[piece].offset.xy;
-    first_in_draw = pieces[piece].first_in_draw - pieces[piece].first_primitive;
-    primitives_per_instance = pieces[piece].primitives_per_instance;
-    piece_varyings = pieces[piece].varying_base;
-    piece_vertices = pieces[piece].vertex_base;
-    varying_stride = pieces[piece].varying_stride;
-    uint resources = pieces[piece].fragment_resources;
-    if (resources == bound_resources) return;
-    bound_resources = resources;
+    vec4 window = uintBitsToFloat(of_quad(pieces[piece].window[QUAD_LANE]));
+    window_scale = window.xy;
+    window_offset = vec2(window.w, pieces[piece].offset_yz.x);
+    uvec4 numbers = of_quad(pieces[piece].numbers[QUAD_LANE]);
+    first_in_draw = numbers.x - numbers.z;
+    primitives_per_instance = numbers.y;
+    uvec4 vertices = of_quad(pieces[piece].vertices[QUAD_LANE]);
+    piece_varyings = vertices.x;
+    varying_stride = vertices.y;
+    piece_vertices = vertices.z;
+    if (numbers.w == bound_resources) return;
+    bound_resources = numbers.w;
     tw_user_bind();
 }
 
@@ -91,7 +76,7 @@ Bound last_bound() {
 
 // Fetches the triangle of `key` and returns its vertex slots; all four lanes of a quad call it together.
 uvec3 fetch_triangle(const uint key) {
-    uint at = key_triangle(key, batch.extra_first), part = gl_SubgroupInvocationID & 3u;
+    uint at = key_triangle(key, batch.extra_first), part = QUAD_LANE;
     uvec4 fields = of_quad(triangles[at].z_dzdx_dzdy_piece[part]);
     uvec4 vertices = of_quad(triangles[at].vertices_flags[part]);
     vec3 parts = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);

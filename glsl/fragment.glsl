@@ -26,11 +26,11 @@ uint tw_resource(const in uint i) {
 }
 
 uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last) {
-    return of_quad(table[nonuniformEXT(slot)].words[min(word + (gl_SubgroupInvocationID & 3u), last)]);
+    return of_quad(table[nonuniformEXT(slot)].words[min(word + QUAD_LANE, last)]);
 }
 
 void tw_bind_input(const in uint location) {
-    uvec3 at = varying_base + location * 4u + (gl_SubgroupInvocationID & 3u);
+    uvec3 at = varying_base + location * 4u + QUAD_LANE;
     uvec3 parts = uvec3(varyings[at.x], varyings[at.y], varyings[at.z]);
     if (second) parts_b[location] = parts;
     else parts_a[location] = parts;

@@ -6,7 +6,6 @@
 #include "lib/assembly.glsl"
 
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
-layout(scalar, set = SET_ENGINE, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(scalar, set = SET_TABLE, binding = TABLE_BUFFERS) readonly buffer Words { uint words[]; } table[];
 
 // Number of this invocation in a dispatch of GROUP-wide workgroups that may be spread over two dimensions.
@@ -18,18 +17,6 @@ uint linear_invocation() {
 uint divide(const uint a, const uint b) {
     if (a < b) return 0u;
     return a / b;
-}
-
-// The piece that holds the batch's primitive `primitive`.
-uint piece_of_primitive(const uint primitive) {
-    uint low = batch.piece_first, high = batch.piece_first + batch.piece_count - 1u;
-    while (low < high) {
-        uint middle = (low + high + 1u) >> 1;
-        bool after = pieces[middle].first_primitive > primitive;
-        low = after ? low : middle;
-        high = after ? middle - 1u : high;
-    }
-    return low;
 }
 
 // The vertex number of the draw's element `element`, before the base vertex is added.

@@ -16,9 +16,22 @@
 #include "lib/depth.glsl"
 
 layout(local_size_x = GROUP) in;
+layout(scalar, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(scalar, binding = 1) readonly buffer Positions { vec4 positions[]; };
 layout(scalar, binding = 2) writeonly buffer Triangles { Triangle triangles[]; };
 layout(scalar, binding = 3) buffer CellCounts { uint cell_counts[]; };
+
+// The piece that holds the batch's primitive `primitive`.
+uint piece_of_primitive(const uint primitive) {
+    uint low = batch.piece_first, high = batch.piece_first + batch.piece_count - 1u;
+    while (low < high) {
+        uint middle = (low + high + 1u) >> 1;
+        bool after = pieces[middle].first_primitive > primitive;
+        low = after ? low : middle;
+        high = after ? middle - 1u : high;
+    }
+    return low;
+}
 
 uvec3 vertex_slots(const Piece piece, const uint in_piece) {
     if (piece.vertex_mode == VERTEX_PER_CORNER) return piece.vertex_base + 3u * in_piece + uvec3(0u, 1u, 2u);

@@ -3,7 +3,7 @@
 // Reads: the non-empty bins, the lists of their cells, triangles, depth.
 // Writes: of the bins where the batch shows something: `visibility`, the key of the triangle each pixel
 // shows, or 0; depth and its bounds; for each fragment kernel of the batch the bins where it has
-// pixels, marked BIN_WHOLE where one triangle shows in all of them.
+// pixels.
 // Contract: the winner of a pixel is the triangle that the depth test would leave standing had all
 // of the batch been drawn in API order; its order in the lists does not matter.
 // Kernel / Twin: src/compute/raster.rs, src/reference/raster.rs.
@@ -157,9 +157,8 @@ void main() {
     if (single) any = base_key;
     if (subgroupOr(any) == 0u) return;
 
-    uint shown = 0u, every = ~0u;
+    uint shown = 0u;
     float least_z = 2.0, most_z = -1.0;
-    any = 0u;
     [[dont_unroll]] for (uint i = lane; i < BIN_PIXELS; i += WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
         uint key;
@@ -174,8 +173,6 @@ void main() {
         visibility[bin * BIN_QUADS + (i >> 2)][i & 3u] = key;
         least_z = min(least_z, z);
         most_z = max(most_z, z);
-        any |= key;
-        every &= key;
         if (key == 0u) continue;
         depth[uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x)] = z;
         if (batch.fragment_kernels > 1u) {
@@ -187,7 +184,6 @@ void main() {
     }
     vec2 bounds = vec2(subgroupMin(least_z), subgroupMax(most_z));
     if (lane == 0u) bin_bounds[bin] = bounds;
-    if (subgroupOr(any) == subgroupAnd(every)) entry |= BIN_WHOLE;
     shown = subgroupOr(shown);
     while (shown != 0u) {
         uint kernel = uint(findLSB(shown));

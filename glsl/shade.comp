@@ -7,10 +7,11 @@
 // for each of them with its other pixels as helpers, as hardware does, so derivatives are the same.
 // Kernel / Twin: src/compute/shade.rs; no twin, the shader is the user's.
 //
-// One subgroup is one workgroup is one bin. It first lists what there is to shade, a quad and one of the
-// triangles that the quad shows, and then takes as many of these at a time as it has quads, so that
-// quads with one triangle do not wait for quads with four. A bin that shows one triangle in all of its
-// pixels needs no list.
+// One subgroup is one workgroup is one bin. Each lane looks at another quad of the bin and counts the
+// triangles that it shows; what there is to shade, a quad and one of its triangles, is then numbered
+// through, and as many of these are taken at a time as the subgroup has quads, so that quads with one
+// triangle do not wait for quads with four. Lists in shared memory were the arrangement before: the
+// barrier alone, which is a coroutine to lavapipe, made compiling a third dearer.
 #version 460
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
@@ -25,9 +26,6 @@ layout(scalar, binding = 5) readonly buffer ShadeBins { uint shade_bins[]; };
 layout(scalar, binding = 6) readonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 7) writeonly buffer Color { uint color[]; };
 
-// For each visible (quad, triangle) the first pixel of the quad that shows it, as numbered in the bin.
-shared uint s_work[BIN_PIXELS];
-
 // A key that a pixel shows, 0 if its triangle is another fragment kernel's.
 uint own_key(const uint key) {
     if (key == 0u) return key;
@@ -35,66 +33,56 @@ uint own_key(const uint key) {
     return pieces[piece].fragment_kernel == batch.fragment_kernel ? key : 0u;
 }
 
-uint list_work(const uint first_quad) {
-    uint count = 0u;
-    [[dont_unroll]] for (uint first = 0u; first < BIN_QUADS; first += WIDTH) {
-        uint quad = first + gl_SubgroupInvocationID;
-        uvec4 keys = uvec4(0u);
-        if (quad < BIN_QUADS) keys = visibility[first_quad + quad];
-        if (batch.fragment_kernels > 1u) {
-            keys = uvec4(own_key(keys.x), own_key(keys.y), own_key(keys.z), own_key(keys.w));
-        }
-        bool shows[4] = bool[](
-            keys.x != 0u,
-            keys.y != 0u && keys.y != keys.x,
-            keys.z != 0u && keys.z != keys.x && keys.z != keys.y,
-            keys.w != 0u && keys.w != keys.x && keys.w != keys.y && keys.w != keys.z);
-        uint mine = uint(shows[0]) + uint(shows[1]) + uint(shows[2]) + uint(shows[3]);
-        uint at = count + subgroupExclusiveAdd(mine);
-        [[unroll]] for (uint i = 0u; i < 4u; i++) {
-            if (shows[i]) {
-                s_work[at] = quad * 4u + i;
-                at++;
-            }
-        }
-        count += subgroupAdd(mine);
-    }
-    subgroupMemoryBarrierShared();
-    subgroupBarrier();
-    return count;
+// One bit for each pixel of a quad that is the first there to show its triangle.
+uint first_shown(const uvec4 keys) {
+    bool y = keys.y != keys.x, z = keys.z != keys.x && keys.z != keys.y;
+    bool w = keys.w != keys.x && keys.w != keys.y && keys.w != keys.z;
+    return (keys.x != 0u ? 1u : 0u) | (y && keys.y != 0u ? 2u : 0u) | (z && keys.z != 0u ? 4u : 0u) |
+           (w && keys.w != 0u ? 8u : 0u);
 }
 
 void main() {
-    uint entry = shade_bins[batch.fragment_kernel * batch.bins + gl_WorkGroupID.x];
-    bool whole = (entry & BIN_WHOLE) != 0u;
-    uvec2 position = bin_position(entry), bin_origin = position << BIN_SIZE_LOG2;
+    uvec2 position = bin_position(shade_bins[batch.fragment_kernel * batch.bins + gl_WorkGroupID.x]);
     uint first_quad = (position.y * batch.bins_x + position.x) * BIN_QUADS;
-    uint key = visibility[first_quad].x, count = BIN_QUADS;
-    if (!whole) count = list_work(first_quad);
     uint lane = gl_SubgroupInvocationID;
-    [[dont_unroll]] for (uint first = 0u; first < count; first += WIDTH / 4u) {
-        // Quads for which there is nothing left help with the last: all lanes stay together, and none
-        // holds an undefined table slot.
-        uint n = first + (lane >> 2);
-        uint i = min(n, count - 1u) * 4u;
-        bool mine = n < count;
-        if (!whole) {
-            i = s_work[i / 4u];
-            uint own = visibility[first_quad + (i >> 2)][lane & 3u];
-            key = subgroupShuffle(own, (lane & ~3u) | (i & 3u));
-            mine = mine && own == key;
+    [[dont_unroll]] for (uint first = 0u; first < BIN_QUADS; first += WIDTH) {
+        uvec4 keys = uvec4(0u);
+        if (first + lane < BIN_QUADS) keys = visibility[first_quad + first + lane];
+        if (batch.fragment_kernels > 1u) {
+            keys = uvec4(own_key(keys.x), own_key(keys.y), own_key(keys.z), own_key(keys.w));
         }
-        uvec2 pixel = bin_origin + tile_pixel((i & ~3u) | (lane & 3u));
-        shade(key, ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
-        // No `continue`: the lanes of the quad must be together again for the next one.
-        if (mine) {
-            uvec2 words = color_encode(FORMAT, uintBitsToFloat(color_bits));
-            uint at = pixel.y * batch.width + pixel.x;
-            if (FORMAT == FORMAT_RGBA16_FLOAT) {
-                color[2u * at] = words.x;
-                color[2u * at + 1u] = words.y;
-            } else {
-                color[at] = words.x;
+        uint shown = first_shown(keys), through = subgroupInclusiveAdd(bitCount(shown));
+        uint count = subgroupShuffle(through, WIDTH - 1u);
+        [[dont_unroll]] for (uint next = 0u; next < count; next += WIDTH / 4u) {
+            // Quads for which there is nothing left help with the last: all lanes stay together, and none
+            // holds an undefined table slot.
+            uint n = min(next + (lane >> 2), count - 1u);
+            // The lane that counted the `n`th, and which of its pixels that is.
+            uint from = 0u;
+            [[unroll]] for (uint step = WIDTH / 2u; step > 0u; step >>= 1) {
+                if (subgroupShuffle(through, from + step - 1u) <= n) from += step;
+            }
+            uint bits = subgroupShuffle(shown, from);
+            uint skip = n + bitCount(bits) - subgroupShuffle(through, from);
+            if (skip > 0u) bits &= bits - 1u;
+            if (skip > 1u) bits &= bits - 1u;
+            if (skip > 2u) bits &= bits - 1u;
+            uvec4 quad_keys = subgroupShuffle(keys, from);
+            uint key = quad_keys[findLSB(bits)];
+            bool mine = next + (lane >> 2) < count && quad_keys[QUAD_LANE] == key;
+
+            uvec2 pixel = (position << BIN_SIZE_LOG2) + tile_pixel((first + from) * 4u + QUAD_LANE);
+            shade(key, ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
+            // No `continue`: the lanes of the quad must be together again for the next one.
+            if (mine) {
+                uvec2 words = color_encode(FORMAT, uintBitsToFloat(color_bits));
+                uint at = pixel.y * batch.width + pixel.x;
+                if (FORMAT == FORMAT_RGBA16_FLOAT) {
+                    color[2u * at] = words.x;
+                    color[2u * at + 1u] = words.y;
+                } else {
+                    color[at] = words.x;
+                }
             }
         }
     }

@@ -12,11 +12,14 @@
 #version 460
 #include "pieces.glsl"
 #include "lib/attribute.glsl"
+#include "lib/quad.glsl"
 
-layout(local_size_x = GROUP) in;
+layout(constant_id = SPEC_LANES) const uint LANES = 64u;
+layout(local_size_x_id = SPEC_LANES) in;
+layout(scalar, binding = 0) readonly buffer Pieces { QuadPiece pieces[]; };
 layout(scalar, binding = 1) writeonly buffer Positions { vec4 positions[]; };
 layout(scalar, binding = 2) writeonly buffer Varyings { uvec4 varyings[]; };
-layout(scalar, binding = 3) readonly buffer Attributes { Attribute attributes[]; };
+layout(scalar, binding = 3) readonly buffer Attributes { uint attributes[][3]; }; // `Attribute`
 layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[]; };
 // Pieces in the order of their vertex slots.
 layout(scalar, binding = 5) readonly buffer Runs { uint runs[]; };
@@ -51,13 +54,12 @@ uint tw_resource(const in uint i) {
 }
 
 uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last) {
-    uvec4 at = min(word + uvec4(0u, 1u, 2u, 3u), uvec4(last));
-    return uvec4(table[nonuniformEXT(slot)].words[at.x], table[nonuniformEXT(slot)].words[at.y],
-                 table[nonuniformEXT(slot)].words[at.z], table[nonuniformEXT(slot)].words[at.w]);
+    return of_quad(table[nonuniformEXT(slot)].words[min(word + QUAD_LANE, last)]);
 }
 
 void tw_bind_attribute(const in uint location) {
-    bound_attributes[location] = attributes[piece.attribute_base + location];
+    uvec4 words = of_quad(attributes[piece.attribute_base + location][min(QUAD_LANE, 2u)]);
+    bound_attributes[location] = Attribute(words.x, words.y, words.z);
 }
 
 // The component at `byte` of the buffer in `slot`. Components are aligned to their size.
@@ -112,51 +114,82 @@ uint run_of_slot(const uint slot) {
     uint low = batch.run_first, high = batch.run_first + batch.run_count - 1u;
     while (low < high) {
         uint middle = (low + high + 1u) >> 1;
-        bool after = pieces[runs[middle]].vertex_base > slot;
+        bool after = pieces[runs[middle]].vertices.z > slot;
         low = after ? low : middle;
         high = after ? middle - 1u : high;
     }
     return low;
 }
 
+// Makes `index` the piece of the slots that follow; all lanes of a quad call it together.
+void bind(const uint index) {
+    uvec4 numbers = of_quad(pieces[index].numbers[QUAD_LANE]);
+    uvec4 vertices = of_quad(pieces[index].vertices[QUAD_LANE]);
+    uvec4 elements = of_quad(pieces[index].elements[QUAD_LANE]);
+    uvec4 indices = of_quad(pieces[index].indices[QUAD_LANE]);
+    uvec4 stage = of_quad(pieces[index].stage[QUAD_LANE]);
+    piece.first_in_draw = numbers.x;
+    piece.primitives_per_instance = numbers.y;
+    piece.varying_base = vertices.x;
+    piece.varying_stride = vertices.y;
+    piece.vertex_base = vertices.z;
+    piece.vertex_slots = vertices.w;
+    piece.topology = elements.x;
+    piece.first_element = elements.y;
+    piece.index_slot = elements.z;
+    piece.index_bytes = elements.w;
+    piece.base_vertex = int(indices.x);
+    piece.first_instance = indices.y;
+    piece.vertex_mode = indices.z;
+    piece.vertex_min = indices.w;
+    piece.vertices_per_instance = stage.x;
+    piece.instance_min = stage.y;
+    piece.attribute_base = stage.z;
+    piece.vertex_resources = stage.w;
+    piece.draw_id = pieces[index].draw_id;
+    tw_user_bind();
+}
+
 void main() {
+    uint lane = gl_SubgroupID * gl_SubgroupSize + gl_SubgroupInvocationID;
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
-    uint first = batch.slot_first + group * GROUP * VERTEX_ROUNDS + gl_LocalInvocationIndex;
-    uint end = batch.slot_first + batch.slot_count;
+    uint first = batch.slot_first + group * LANES * VERTEX_ROUNDS + lane;
+    uint end = batch.slot_first + batch.slot_count; // a multiple of QUAD: quads stay together
     uint bound_end = 0u; // the first slot that is not the bound piece's
     [[dont_unroll]] for (uint round = 0u; round < VERTEX_ROUNDS; round++) {
         // Lanes beyond the end bind too: one that is switched off may still make a driver look at whatever
         // table slot it holds.
-        uint slot = min(first + round * GROUP, end - 1u);
+        uint slot = min(first + round * LANES, end - QUAD + QUAD_LANE);
         if (slot >= bound_end) {
             uint run = run_of_slot(slot);
             bound_end = end;
-            if (run + 1u < batch.run_first + batch.run_count) bound_end = pieces[runs[run + 1u]].vertex_base;
-            piece = pieces[runs[run]];
-            tw_user_bind();
+            if (run + 1u < batch.run_first + batch.run_count) bound_end = pieces[runs[run + 1u]].vertices.z;
+            bind(runs[run]);
         }
-        if (first + round * GROUP >= end) break;
+        if (first + round * LANES >= end) break;
         uint local = slot - piece.vertex_base;
-        uint vertex, instance;
-        if (piece.vertex_mode == VERTEX_RANGED) {
-            instance = divide(local, piece.vertices_per_instance);
-            vertex = piece.vertex_min + local - instance * piece.vertices_per_instance;
-            instance += piece.instance_min;
-        } else {
-            uint primitive = piece.first_in_draw + local / 3u;
-            instance = divide(primitive, piece.primitives_per_instance);
-            uvec3 element = assemble(piece.topology, primitive - instance * piece.primitives_per_instance);
-            vertex = fetch_index(piece, element[local % 3u]);
+        if (local < piece.vertex_slots) {
+            uint vertex, instance;
+            if (piece.vertex_mode == VERTEX_RANGED) {
+                instance = divide(local, piece.vertices_per_instance);
+                vertex = piece.vertex_min + local - instance * piece.vertices_per_instance;
+                instance += piece.instance_min;
+            } else {
+                uint primitive = piece.first_in_draw + local / 3u;
+                instance = divide(primitive, piece.primitives_per_instance);
+                uvec3 element = assemble(piece.topology, primitive - instance * piece.primitives_per_instance);
+                vertex = fetch_index(piece, element[local % 3u]);
+            }
+            tw_VertexIndex = int(vertex) + piece.base_vertex;
+            tw_InstanceIndex = int(piece.first_instance + instance);
+            tw_BaseVertex = piece.index_slot == NONE ? int(piece.first_element) : piece.base_vertex;
+            tw_BaseInstance = int(piece.first_instance);
+            tw_DrawIndex = int(piece.draw_id);
+            tw_Position = vec4(0.0);
+            tw_PointSize = 1.0;
+            varying_base = (piece.varying_base + local * piece.varying_stride) >> 2;
+            tw_user_main();
+            positions[slot] = tw_Position;
         }
-        tw_VertexIndex = int(vertex) + piece.base_vertex;
-        tw_InstanceIndex = int(piece.first_instance + instance);
-        tw_BaseVertex = piece.index_slot == NONE ? int(piece.first_element) : piece.base_vertex;
-        tw_BaseInstance = int(piece.first_instance);
-        tw_DrawIndex = int(piece.draw_id);
-        tw_Position = vec4(0.0);
-        tw_PointSize = 1.0;
-        varying_base = (piece.varying_base + local * piece.varying_stride) >> 2;
-        tw_user_main();
-        positions[slot] = tw_Position;
     }
 }

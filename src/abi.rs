@@ -38,6 +38,8 @@ pub const MAX_CLIPPED: u32 = 7;
 pub const KEY_LOG2: u32 = 3;
 /// Fragment pipelines of one batch: one bit each in a bin's mask.
 pub const MAX_FRAGMENT_KERNELS: u32 = 32;
+/// Lanes of a quad. They are always of one piece.
+pub const QUAD: u32 = 4;
 /// Invocations of a workgroup where nothing else decides.
 pub const GROUP: u32 = 64;
 /// Vertex slots of one invocation of the vertex stage, a workgroup apart.
@@ -48,12 +50,12 @@ pub const PRIMITIVE_ROUNDS: u32 = 8;
 pub const MAX_ATTRIBUTES: u32 = 32;
 /// Input locations of a fragment shader.
 pub const MAX_VARYINGS: u32 = 32;
-/// Entry of the bins to shade: one triangle shows in all of the bin's pixels.
-pub const BIN_WHOLE: u32 = 0x8000_0000;
 /// Pixels that one invocation of the clear fills: a workgroup costs more than a few stores.
 pub const CLEAR_PIXELS: u32 = 16;
 /// Specialization constant: the subgroup width, also the workgroup size of subgroup-wide kernels.
 pub const SPEC_WIDTH: u32 = 65536;
+/// Specialization constant: invocations of a workgroup of several subgroups, which must be full.
+pub const SPEC_LANES: u32 = 65541;
 /// Specialization constant: the depth comparison.
 pub const SPEC_COMPARE: u32 = 65537;
 /// Specialization constant: the colour format.
@@ -160,65 +162,71 @@ pub struct Clear {
 }
 
 /// A run of consecutive primitives of one draw inside one batch.
+///
+/// Kernels fetch it four words at a time: first what shading needs, then what the vertex stage does.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Piece {
-    /// Number in the batch of its first primitive.
-    pub first_primitive: u32,
     /// Number in the draw, instances counted through, of its first primitive.
     pub first_in_draw: u32,
     /// Primitives of one instance of the draw.
     pub primitives_per_instance: u32,
+    /// Number in the batch of its first primitive.
+    pub first_primitive: u32,
+    /// First table slot of the fragment shader's resources.
+    pub fragment_resources: u32,
+    /// First word of the first slot's varyings.
+    pub varying_base: u32,
+    /// Words of varyings per slot.
+    pub varying_stride: u32,
+    /// First vertex slot of the piece.
+    pub vertex_base: u32,
+    /// Its vertex slots; unused ones follow, so that the next piece's begin at a multiple of [`QUAD`].
+    pub vertex_slots: u32,
+    /// Clip space to window: factors of x, y and z.
+    pub scale: [f32; 3],
+    /// Clip space to window: offsets of x, y and z.
+    pub offset: [f32; 3],
+    /// Index of its fragment kernel in the batch.
+    pub fragment_kernel: u32,
+    /// A `Cull`.
+    pub cull: u32,
     /// A `Topology`.
     pub topology: u32,
+    /// Element of the index buffer (or vertex) that is element 0 of the draw.
+    pub first_element: u32,
     /// Resource-table slot of the index buffer, or [`NONE`].
     pub index_slot: u32,
     /// Bytes of an index, 2 or 4.
     pub index_bytes: u32,
-    /// Element of the index buffer (or vertex) that is element 0 of the draw.
-    pub first_element: u32,
     /// Added to an index to make `gl_VertexIndex`.
     pub base_vertex: i32,
     /// `gl_InstanceIndex` of the draw's first instance.
     pub first_instance: u32,
     /// [`VERTEX_RANGED`] or [`VERTEX_PER_CORNER`].
     pub vertex_mode: u32,
-    /// First vertex slot of the piece.
-    pub vertex_base: u32,
     /// Ranged: the smallest index, which has slot 0.
     pub vertex_min: u32,
     /// Ranged: slots of one instance.
     pub vertices_per_instance: u32,
     /// Ranged: the instance that comes first in the slots.
     pub instance_min: u32,
-    /// First word of the first slot's varyings.
-    pub varying_base: u32,
-    /// Words of varyings per slot.
-    pub varying_stride: u32,
     /// First of the piece's attributes.
     pub attribute_base: u32,
     /// First table slot of the vertex shader's resources.
     pub vertex_resources: u32,
-    /// First table slot of the fragment shader's resources.
-    pub fragment_resources: u32,
-    /// Index of its fragment kernel in the batch.
-    pub fragment_kernel: u32,
-    /// A `Cull`.
-    pub cull: u32,
+    /// `gl_DrawID`: always 0, a pass has no multi-draws.
+    pub draw_id: u32,
     /// A `FrontFace`.
     pub front_face: u32,
-    /// Clip space to window: factors of x, y and z.
-    pub scale: [f32; 3],
-    /// Clip space to window: offsets of x, y and z.
-    pub offset: [f32; 3],
-    /// First pixel of viewport and scissor, x then y.
-    pub rect_min: [i32; 2],
-    /// Last pixel of viewport and scissor, x then y.
-    pub rect_max: [i32; 2],
     /// Whether `rect_min..=rect_max` is smaller than the target.
     pub cut: u32,
     /// Depth test: 0 off, 1 on.
     pub depth_test: u32,
+    /// First pixel of viewport and scissor, x then y.
+    pub rect_min: [i32; 2],
+    /// Last pixel of viewport and scissor, x then y.
+    pub rect_max: [i32; 2],
     /// Depth write: 0 off, 1 on.
     pub depth_write: u32,
     /// Depth `Compare`.
@@ -229,8 +237,6 @@ pub struct Piece {
     pub blend_color: u32,
     /// Blend factors and operation of alpha: source, destination, operation, 4 bits each.
     pub blend_alpha: u32,
-    /// `gl_DrawID`: always 0, a pass has no multi-draws.
-    pub draw_id: u32,
 }
 
 /// Where one input location of a vertex shader reads.

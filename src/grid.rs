@@ -94,10 +94,11 @@ pub struct Capacities {
 }
 
 impl Capacities {
-    /// 131,072 primitives: triangles of 56 MiB and lists of 56 MiB if all of them were clipped into
-    /// seven; positions of 16 MiB and varyings of 128 MiB at most.
+    /// 262,144 primitives: triangles of 112 MiB and lists of 112 MiB if all of them were clipped into
+    /// seven, which is what a storage buffer may hold on common devices; untouched memory costs nothing
+    /// where the host's is the device's; positions of 16 MiB and varyings of 128 MiB at most.
     pub const DEFAULT: Self =
-        Self { primitives: 1 << 17, vertices: 1 << 20, varying_words: 1 << 25 };
+        Self { primitives: 1 << 18, vertices: 1 << 20, varying_words: 1 << 25 };
 
     /// Triangles: each primitive can be clipped into [`abi::MAX_CLIPPED`].
     pub const fn triangles(&self) -> u32 {

@@ -23,13 +23,11 @@ fn probe<I: Pod, O: Pod>(gpu: &Gpu, includes: &[&str], body: &str, inputs: &[I])
 #define SUBPIXEL_BITS {}u
 #define KEY_LOG2 {}u
 #define MAX_CLIPPED {}u
-#define BIN_PIXELS {}u
-#define BIN_WHOLE {}u\n",
+#define BIN_PIXELS {}u\n",
         abi::SUBPIXEL_BITS,
         abi::KEY_LOG2,
         abi::MAX_CLIPPED,
-        abi::BIN_PIXELS,
-        abi::BIN_WHOLE
+        abi::BIN_PIXELS
     );
     for include in includes {
         let text = fs::read_to_string(folder.join(include)).expect("a file of glsl/");

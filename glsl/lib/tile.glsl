@@ -13,7 +13,7 @@ uint bin_packed(const uvec2 position) {
 }
 
 uvec2 bin_position(const uint packed) {
-    return uvec2(packed & 0xffffu, (packed & ~BIN_WHOLE) >> 16);
+    return uvec2(packed & 0xffffu, packed >> 16);
 }
 
 // Position in the bin of its `i`th pixel. Bits do not mix: the position of a sum of disjoint bits is

@@ -24,7 +24,6 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernels: &Kernels) -> Resu
         .dispatch([1, 1, 1])?;
     recorder
         .kernel(&kernels.scatter)
-        .bind("Pieces", stage.pieces)
         .bind("Triangles", &b.triangles)
         .bind("CellEnds", &b.cell_ends)
         .bind("Entries", &b.entries)

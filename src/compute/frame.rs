@@ -75,6 +75,8 @@ pub struct Stage<'a> {
     pub target: &'a Target,
     pub pieces: &'a Buffer<Piece>,
     pub table: &'a ResourceTable,
+    /// The width of the device's subgroups.
+    pub width: u32,
     /// The push constants of the batch, less what single dispatches add.
     pub push: Batch,
 }
@@ -283,6 +285,7 @@ impl Setup {
             target,
             pieces,
             table: &self.table,
+            width: self.gpu.limits().subgroup_size,
             push: self.push(band, batch),
         };
         if vertices {

@@ -1,5 +1,6 @@
 //! The engine's kernels on one device, and users' shaders spliced into them, each made once.
 
+use super::vertex;
 use crate::{
     abi,
     error::Result,
@@ -108,7 +109,7 @@ impl Kernels {
         let name = format!("{stage} {}", key.shader.label);
         let width = self.width;
         let constants: &[(&str, u32)] = match variant {
-            Variant::Vertex => &[],
+            Variant::Vertex => &[("LANES", vertex::lanes(width))],
             Variant::Shade(format) => &[("WIDTH", width), ("FORMAT", format)],
             Variant::Ordered { format, depth } => {
                 &[("WIDTH", width), ("FORMAT", format), ("DEPTH", depth)]
@@ -117,14 +118,13 @@ impl Kernels {
         let attributes = key.attributes.iter();
         let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
         let constant_ids: Vec<_> = key.specialization.iter().copied().chain(attributes).collect();
-        let quads = variant != Variant::Vertex;
         let info = KernelInfo {
             name: &name,
             spirv: &spliced.spirv,
             constants,
             constant_ids: &constant_ids,
-            full_subgroups: quads,
-            subgroup_size: quads.then_some(width),
+            full_subgroups: true,
+            subgroup_size: Some(width),
         };
         let kernel = Kernel::new(&self.gpu, &info)?;
         self.spliced.push((variant, key.clone(), kernel.clone()));

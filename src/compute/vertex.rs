@@ -12,6 +12,11 @@ use crate::{
     vk::{Kernel, Recorder},
 };
 
+/// Invocations of a workgroup: whole subgroups, whose quads fetch together.
+pub fn lanes(width: u32) -> u32 {
+    width.max(abi::GROUP)
+}
+
 pub fn record(
     recorder: &mut Recorder,
     stage: &Stage,
@@ -20,6 +25,7 @@ pub fn record(
 ) -> Result<()> {
     let b = stage.buffers;
     let varyings = b.varyings.cast::<[u32; 4]>()?;
+    let lanes = lanes(stage.width);
     recorder.group(|recorder| {
         for work in &batch.vertex_work {
             let push = Batch {
@@ -39,7 +45,7 @@ pub fn record(
                 .bind("Runs", &b.runs)
                 .table(stage.table)
                 .push(&push)
-                .dispatch(grid::groups(work.slot_count, abi::GROUP * abi::VERTEX_ROUNDS))?;
+                .dispatch(grid::groups(work.slot_count, lanes * abi::VERTEX_ROUNDS))?;
         }
         Ok(())
     })

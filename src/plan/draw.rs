@@ -206,7 +206,8 @@ impl Planner<'_> {
         Ok(base as u32)
     }
 
-    /// The piece of `primitives` (counted through the draw's instances) and its vertex slots.
+    /// The piece of `primitives` (counted through the draw's instances) and its vertex slots, those
+    /// included that fill up its last quad.
     fn piece(
         &mut self,
         draw: &Draw,
@@ -227,7 +228,7 @@ impl Planner<'_> {
         let span = u64::from(high - low) + 1;
         let ranged = span * u64::from(last - first + 1);
         let piece = Piece { first_in_draw: primitives.start, ..template };
-        Ok(if ranged <= per_corner.min(u64::from(u32::MAX)) {
+        let (piece, slots) = if ranged <= per_corner.min(u64::from(u32::MAX)) {
             let piece = Piece {
                 vertex_mode: abi::VERTEX_RANGED,
                 vertex_min: low,
@@ -235,11 +236,14 @@ impl Planner<'_> {
                 instance_min: first,
                 ..piece
             };
-            (piece, ranged as u32)
+            (piece, ranged)
         } else {
-            let slots = u32::try_from(per_corner).unwrap_or(u32::MAX);
-            (Piece { vertex_mode: abi::VERTEX_PER_CORNER, ..piece }, slots)
-        })
+            (Piece { vertex_mode: abi::VERTEX_PER_CORNER, ..piece }, per_corner)
+        };
+        // So many slots never fit a batch.
+        let whole = |slots: u64| u32::try_from(slots).unwrap_or(u32::MAX);
+        let piece = Piece { vertex_slots: whole(slots), ..piece };
+        Ok((piece, whole(slots.next_multiple_of(u64::from(abi::QUAD)))))
     }
 
     /// Smallest and largest vertex of the primitives `within` one instance.
