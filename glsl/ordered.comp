@@ -12,7 +12,6 @@
 // triangle, and runs the shader wherever a pixel of a quad is alive; a pixel's colour and depth stay
 // in memory, touched by one lane only.
 #version 460
-#extension GL_KHR_shader_subgroup_vote : require
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 
@@ -85,23 +84,23 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
         ivec2 p = ivec2(tile_pixel(first + lane));
         ivec3 e = edges.at + edges.dx * p.x + edges.dy * p.y;
         bool alive = (e.x | e.y | e.z) >= 0 && all(greaterThanEqual(p, low)) && all(lessThanEqual(p, high));
-        if (!subgroupAny(alive)) continue;
-        uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
-        float z = depth_at(z_plane.x, z_plane.y, z_plane.z, origin + p);
-        if (test && DEPTH != DEPTH_LATE) alive = alive && compare(operation, z, depth[at]);
-        if (!subgroupAny(alive)) continue;
-        if (DEPTH == DEPTH_EARLY && alive && test && write) depth[at] = z;
-
-        shade(key, origin + p, !alive);
-
-        // No `continue`: the lanes of the quad must be together again for the next one.
-        bool keep = alive && !tw_HelperInvocation;
-        float late = tw_FragDepth > 0.0 ? min(tw_FragDepth, 1.0) : 0.0;
-        if (keep && test && DEPTH == DEPTH_LATE) keep = compare(operation, late, depth[at]);
-        if (keep) {
-            if (test && write && DEPTH != DEPTH_EARLY) depth[at] = DEPTH == DEPTH_LATE ? late : z;
-            visibility[bin * BIN_QUADS + ((first + lane) >> 2)][lane & 3u] = key;
-            write_color(at, piece);
+        // Quads where nothing is alive stay out, whole: a vote of the subgroup costs more than the test.
+        if (any_of_quad(alive)) {
+            uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
+            float z = depth_at(z_plane.x, z_plane.y, z_plane.z, origin + p);
+            if (test && DEPTH != DEPTH_LATE) alive = alive && compare(operation, z, depth[at]);
+            if (any_of_quad(alive)) {
+                if (DEPTH == DEPTH_EARLY && alive && test && write) depth[at] = z;
+                shade(key, origin + p, !alive);
+                bool keep = alive && !tw_HelperInvocation;
+                float late = tw_FragDepth > 0.0 ? min(tw_FragDepth, 1.0) : 0.0;
+                if (keep && test && DEPTH == DEPTH_LATE) keep = compare(operation, late, depth[at]);
+                if (keep) {
+                    if (test && write && DEPTH != DEPTH_EARLY) depth[at] = DEPTH == DEPTH_LATE ? late : z;
+                    visibility[bin * BIN_QUADS + ((first + lane) >> 2)][QUAD_LANE] = key;
+                    write_color(at, piece);
+                }
+            }
         }
     }
 }

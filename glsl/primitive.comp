@@ -18,7 +18,9 @@
 layout(local_size_x = GROUP) in;
 layout(scalar, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(scalar, binding = 1) readonly buffer Positions { vec4 positions[]; };
-layout(scalar, binding = 2) writeonly buffer Triangles { Triangle triangles[]; };
+// A `Triangle` of abi.glsl, stored four words at a time.
+struct TriangleWords { uvec4 words[4]; };
+layout(scalar, binding = 2) writeonly buffer Triangles { TriangleWords triangles[]; };
 layout(scalar, binding = 3) buffer CellCounts { uint cell_counts[]; };
 
 // The piece that holds the batch's primitive `primitive`.
@@ -63,12 +65,16 @@ ivec2 snap(const vec3 p) {
     return ivec2(round_even((p.x - 0.5) * scale), round_even((p.y - 0.5) * scale));
 }
 
-// Sets up one triangle at `at`; returns its flags, 0 if it draws nothing.
-uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
+void store_flags(const uint at, const uint flags) {
+    triangles[at].words[3].w = flags;
+}
+
+// Sets up one triangle at `at`, whose flags include `more`; without TRIANGLE_VALID if it draws nothing.
+void set_up(const uint at, const uint more, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
     ivec2 sa = snap(a), sb = snap(b), sc = snap(c);
     int turn = wide_sign(wide_subtract(wide_product(sb.x - sa.x, sc.y - sa.y), wide_product(sc.x - sa.x, sb.y - sa.y)));
     bool front = (turn > 0) == (piece.front_face == 1u);
-    if (turn == 0 || piece.cull == (front ? 1u : 2u)) return 0u;
+    bool drawn = turn != 0 && piece.cull != (front ? 1u : 2u);
     if (turn < 0) {
         ivec2 swap = sb;
         sb = sc;
@@ -79,7 +85,10 @@ uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec
     ivec2 high = (max(sa, max(sb, sc)) - 1) >> SUBPIXEL_BITS;
     low = max(low, piece.rect_min);
     high = min(high, piece.rect_max);
-    if (low.x > high.x || low.y > high.y) return 0u;
+    if (!drawn || low.x > high.x || low.y > high.y) {
+        store_flags(at, more);
+        return;
+    }
 
     vec3 plane = depth_plane(a, b, c);
     uint flags = TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
@@ -88,15 +97,10 @@ uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec
     uint level = cell_level(x, y, first, last, batch.origin_y);
     flags |= level << TRIANGLE_LEVEL_SHIFT;
 
-    triangles[at].x = x;
-    triangles[at].y = y;
-    triangles[at].z = plane.z;
-    triangles[at].dzdx = plane.x;
-    triangles[at].dzdy = plane.y;
-    triangles[at].bounds_min = first.x | first.y << 16;
-    triangles[at].bounds_max = last.x | last.y << 16;
-    triangles[at].piece = piece_index;
-    triangles[at].vertices = slots;
+    triangles[at].words[0] = uvec4(uvec3(x), uint(y.x));
+    triangles[at].words[1] = uvec4(uvec2(y.yz), first.x | first.y << 16, last.x | last.y << 16);
+    triangles[at].words[2] = uvec4(floatBitsToUint(plane.zxy), piece_index);
+    triangles[at].words[3] = uvec4(slots, flags | more);
 
     uvec4 range = cells_under(level, first, last);
     for (uint row = range.y; row <= range.w; row++) {
@@ -105,7 +109,6 @@ uint set_up(const uint at, const Piece piece, const uint piece_index, const uvec
             atomicAdd(cell_counts[batch.cell_first[level] + row * batch.cell_columns[level] + column], 1u);
         }
     }
-    return flags;
 }
 
 bool usable(const vec4 p) {
@@ -123,7 +126,7 @@ void run(const uint primitive, const uint piece_index, const Piece piece) {
     // Wholly outside one side of the view volume: no clipping needed to know that nothing is seen.
     uint code_a = clip_outcode(a), code_b = clip_outcode(b), code_c = clip_outcode(c);
     if ((code_a & code_b & code_c) != 0u || !usable(a) || !usable(b) || !usable(c)) {
-        triangles[primitive].flags = 0u;
+        store_flags(primitive, 0u);
         return;
     }
     uint clip = code_a | code_b | code_c, count = 3u, made = 0u;
@@ -137,7 +140,7 @@ void run(const uint primitive, const uint piece_index, const Piece piece) {
         bool drawable = count >= 3u;
         for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
         if (!drawable) {
-            triangles[primitive].flags = 0u;
+            store_flags(primitive, 0u);
             return;
         }
     }
@@ -149,8 +152,8 @@ void run(const uint primitive, const uint piece_index, const Piece piece) {
         if (i >= 2u) {
             uint part = i - 2u;
             uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
-            uint flags = set_up(at, piece, piece_index, slots, first, previous, next);
-            triangles[at].flags = flags | (part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u);
+            uint more = part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u;
+            set_up(at, more, piece, piece_index, slots, first, previous, next);
         }
         previous = next;
     }

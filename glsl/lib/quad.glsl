@@ -15,6 +15,11 @@ uvec4 of_quad(const uint own) {
                  subgroupQuadBroadcast(own, 2u), subgroupQuadBroadcast(own, 3u));
 }
 
+bool any_of_quad(const bool own) {
+    uint row = (own ? 1u : 0u) | subgroupQuadSwapHorizontal(own ? 1u : 0u);
+    return (row | subgroupQuadSwapVertical(row)) != 0u;
+}
+
 // A `Piece` of abi.glsl as a quad fetches it.
 struct QuadPiece {
     uvec4 numbers;  // first_in_draw, primitives_per_instance, first_primitive, fragment_resources
