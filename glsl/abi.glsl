@@ -42,8 +42,10 @@ struct Piece {
     uint varying_stride;
     uint vertex_base;
     uint vertex_slots;
-    vec3 scale;
-    vec3 offset;
+    vec2 scale;
+    vec2 offset;
+    float depth_scale;
+    float depth_offset;
     uint fragment_kernel;
     uint cull;
     uint topology;
@@ -79,8 +81,8 @@ struct Attribute {
 
 struct Triangle {
     ivec3 x;
-    ivec3 y;
     uint bounds_min;
+    ivec3 y;
     uint bounds_max;
     float z;
     float dzdx;
@@ -88,5 +90,29 @@ struct Triangle {
     uint piece;
     uvec3 vertices;
     uint flags;
+};
+
+// `Piece` as the lanes of a quad fetch it (`lib/quad.glsl`). The fields that a comment names follow each
+// other from there on; the build script compares these too.
+struct QuadPiece {
+    uvec4 numbers;  // first_in_draw, primitives_per_instance, first_primitive, fragment_resources
+    uvec4 vertices; // varying_base, varying_stride, vertex_base, vertex_slots
+    uvec4 window;   // scale, offset
+    float depth_scale, depth_offset;
+    uint fragment_kernel, cull;
+    uvec4 elements; // topology, first_element, index_slot, index_bytes
+    uvec4 indices;  // base_vertex, first_instance, vertex_mode, vertex_min
+    uvec4 stage;    // vertices_per_instance, instance_min, attribute_base, vertex_resources
+    uint draw_id, front_face, cut, depth_test;
+    ivec2 rect_min, rect_max;
+    uint depth_write, depth_compare, blend, blend_color, blend_alpha;
+};
+
+// `Triangle` as it is stored, and as a quad fetches it.
+struct QuadTriangle {
+    uvec4 x_first;        // x, bounds_min
+    uvec4 y_last;         // y, bounds_max
+    uvec4 depth_piece;    // z, dzdx, dzdy, piece
+    uvec4 vertices_flags; // vertices, flags
 };
 #endif

@@ -56,7 +56,7 @@ void bind(const uint piece) {
     bound_piece = piece;
     vec4 window = uintBitsToFloat(of_quad(pieces[piece].window[QUAD_LANE]));
     window_scale = window.xy;
-    window_offset = vec2(window.w, pieces[piece].offset_yz.x);
+    window_offset = window.zw;
     uvec4 numbers = of_quad(pieces[piece].numbers[QUAD_LANE]);
     first_in_draw = numbers.x - numbers.z;
     primitives_per_instance = numbers.y;
@@ -77,7 +77,7 @@ Bound last_bound() {
 // Fetches the triangle of `key` and returns its vertex slots; all four lanes of a quad call it together.
 uvec3 fetch_triangle(const uint key) {
     uint at = key_triangle(key, batch.extra_first), part = QUAD_LANE;
-    uvec4 fields = of_quad(triangles[at].z_dzdx_dzdy_piece[part]);
+    uvec4 fields = of_quad(triangles[at].depth_piece[part]);
     uvec4 vertices = of_quad(triangles[at].vertices_flags[part]);
     vec3 parts = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);
     Bound bound = Bound(key, fields.w, uintBitsToFloat(fields.xyz), vertices.w,

@@ -14,7 +14,7 @@ use rspirv::{
     spirv::{Decoration, Op},
 };
 use std::{
-    collections::HashMap,
+    collections::{BTreeMap, HashMap},
     fmt::Write as _,
     fs,
     path::{Path, PathBuf},
@@ -190,65 +190,103 @@ fn load(path: &Path, words: &[u32]) -> Module {
 
 /// One assertion per member of every struct of `abi.comp` that `abi.rs` has too.
 fn layout_checks(module: &Module) -> String {
-    let mut struct_names = HashMap::new();
-    let mut member_names = Vec::new();
+    let structs = structs(module);
+    let mut checks = String::new();
+    for (name, Struct { members, bytes }) in &structs {
+        // Blocks are plural by convention, the structs inside them are what is shared.
+        let Some(bytes) = bytes else { continue };
+        if let Some(plain) = name.strip_prefix("Quad") {
+            let plain = &structs[plain];
+            assert_eq!(Some(*bytes), plain.bytes, "{name} has another size in glsl/abi.glsl");
+            check_quad(name, members, &plain.members);
+            continue;
+        }
+        for (member, offset) in members {
+            writeln!(
+                checks,
+                "const _: () = assert!(std::mem::offset_of!(abi::{name}, {member}) == {offset}, \
+                 \"{name}.{member} differs between src/abi.rs and glsl/abi.glsl\");"
+            )
+            .expect("a String takes all");
+        }
+        writeln!(
+            checks,
+            "const _: () = assert!(std::mem::size_of::<abi::{name}>() == {bytes}, \
+             \"{name} has another size in glsl/abi.glsl\");"
+        )
+        .expect("a String takes all");
+    }
+    checks
+}
+
+/// Panics unless each of the `members` of the struct `name` of abi.glsl begins where the first of the
+/// fields that its comment names does, and the others follow; without a comment, its own name.
+fn check_quad(name: &str, members: &[(String, u32)], plain: &[(String, u32)]) {
+    let text = fs::read_to_string("glsl/abi.glsl").expect("glsl/abi.glsl is readable");
+    let text = text.split_once(&format!("struct {name} {{")).expect("a struct is declared").1;
+    for (member, offset) in members {
+        let comment = text.lines().find_map(|line| {
+            let (declaration, comment) = line.split_once("//")?;
+            declaration.trim().strip_suffix(&format!(" {member};")).map(|_| comment)
+        });
+        let fields: Vec<&str> = comment.unwrap_or(member).split(',').map(str::trim).collect();
+        let found = plain.iter().position(|(_, at)| at == offset).map_or(&[][..], |n| &plain[n..]);
+        let found: Vec<&str> = found.iter().take(fields.len()).map(|(f, _)| f.as_str()).collect();
+        assert_eq!(found, fields, "{name}.{member} of glsl/abi.glsl holds other fields");
+    }
+}
+
+/// A struct of a module.
+#[derive(Default)]
+struct Struct {
+    /// Names and offsets, in order.
+    members: Vec<(String, u32)>,
+    /// From one element of a run-time array to the next, if there is such an array.
+    bytes: Option<u32>,
+}
+
+/// The structs of a module by name.
+fn structs(module: &Module) -> BTreeMap<String, Struct> {
+    let mut names = HashMap::new();
+    let mut members = BTreeMap::new();
     for i in &module.debug_names {
         let id = i.operands[0].unwrap_id_ref();
-        match i.class.opcode {
-            Op::Name => {
-                struct_names.insert(id, i.operands[1].unwrap_literal_string().to_owned());
+        match i.operands.as_slice() {
+            [_, Operand::LiteralString(name)] => _ = names.insert(id, name),
+            [_, Operand::LiteralBit32(n), Operand::LiteralString(name)] => {
+                members.insert((id, *n), name);
             }
-            Op::MemberName => member_names.push((
-                id,
-                i.operands[1].unwrap_literal_bit32(),
-                i.operands[2].unwrap_literal_string().to_owned(),
-            )),
             _ => {}
         }
     }
     let mut offsets = HashMap::new();
     let mut strides = HashMap::new();
     for i in &module.annotations {
-        let (Op::MemberDecorate | Op::Decorate) = i.class.opcode else { continue };
         let id = i.operands[0].unwrap_id_ref();
-        match (i.class.opcode, i.operands.as_slice()) {
-            (Op::MemberDecorate, [_, member, Operand::Decoration(Decoration::Offset), value]) => {
-                offsets.insert((id, member.unwrap_literal_bit32()), value.unwrap_literal_bit32());
-            }
-            (Op::Decorate, [_, Operand::Decoration(Decoration::ArrayStride), value]) => {
-                strides.insert(id, value.unwrap_literal_bit32());
+        match i.operands.as_slice() {
+            [
+                _,
+                Operand::LiteralBit32(member),
+                Operand::Decoration(Decoration::Offset),
+                Operand::LiteralBit32(value),
+            ] => _ = offsets.insert((id, *member), *value),
+            [_, Operand::Decoration(Decoration::ArrayStride), Operand::LiteralBit32(value)] => {
+                strides.insert(id, *value);
             }
             _ => {}
         }
     }
-    let mut checks = String::new();
-    for (id, member, name) in &member_names {
-        let struct_name = &struct_names[id];
-        // Blocks are plural by convention, the structs inside them are what is shared.
-        if !["Batch", "Clear", "Piece", "Attribute", "Triangle"].contains(&struct_name.as_str()) {
-            continue;
+    let mut found = BTreeMap::<String, Struct>::new();
+    for ((id, n), name) in members {
+        if let Some(&offset) = offsets.get(&(id, n)) {
+            found.entry(names[&id].clone()).or_default().members.push((name.clone(), offset));
         }
-        let Some(offset) = offsets.get(&(*id, *member)) else { continue };
-        writeln!(
-            checks,
-            "const _: () = assert!(std::mem::offset_of!(abi::{struct_name}, {name}) == {offset}, \
-             \"{struct_name}.{name} differs between src/abi.rs and glsl/abi.glsl\");"
-        )
-        .expect("a String takes all");
     }
     for i in module.types_global_values.iter().filter(|i| i.class.opcode == Op::TypeRuntimeArray) {
-        let element = i.operands[0].unwrap_id_ref();
-        let (Some(name), Some(stride)) =
-            (struct_names.get(&element), i.result_id.and_then(|id| strides.get(&id)))
-        else {
-            continue;
-        };
-        writeln!(
-            checks,
-            "const _: () = assert!(std::mem::size_of::<abi::{name}>() == {stride}, \
-             \"{name} has another size in glsl/abi.glsl\");"
-        )
-        .expect("a String takes all");
+        let (element, array) = (i.operands[0].unwrap_id_ref(), i.result_id.unwrap_or(0));
+        if let (Some(name), Some(&stride)) = (names.get(&element), strides.get(&array)) {
+            found.entry((*name).clone()).or_default().bytes = Some(stride);
+        }
     }
-    checks
+    found
 }

@@ -63,16 +63,18 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     uint t = key_triangle(key, batch.extra_first);
     uint lane = gl_SubgroupInvocationID;
     ivec2 origin = local_origin + ivec2(0, int(batch.origin_y));
-    ivec3 x = triangles[t].x, y = triangles[t].y;
-    uint low_bits = triangles[t].bounds_min, high_bits = triangles[t].bounds_max;
+    uvec4 x_first = of_quad(triangles[t].x_first[QUAD_LANE]);
+    uvec4 y_last = of_quad(triangles[t].y_last[QUAD_LANE]);
+    uint low_bits = x_first.w, high_bits = y_last.w;
     ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
     ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
     const ivec2 bin_last = ivec2((1 << BIN_SIZE_LOG2) - 1);
     // A coarse cell lists triangles that miss some of its bins.
     if (any(lessThan(high, ivec2(0))) || any(greaterThan(low, bin_last))) return;
-    Edges edges = edges_from(x, y, origin, 0u);
-    uint piece = triangles[t].z_dzdx_dzdy_piece.w;
-    vec3 z_plane = uintBitsToFloat(triangles[t].z_dzdx_dzdy_piece.xyz);
+    Edges edges = edges_from(ivec3(x_first.xyz), ivec3(y_last.xyz), origin, 0u);
+    uvec4 depth_piece = of_quad(triangles[t].depth_piece[QUAD_LANE]);
+    uint piece = depth_piece.w;
+    vec3 z_plane = uintBitsToFloat(depth_piece.xyz);
     bool test = pieces[piece].depth_test != 0u, write = pieces[piece].depth_write != 0u;
     uint operation = pieces[piece].depth_compare;
 

@@ -18,9 +18,7 @@
 layout(local_size_x = GROUP) in;
 layout(scalar, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(scalar, binding = 1) readonly buffer Positions { vec4 positions[]; };
-// A `Triangle` of abi.glsl, stored four words at a time.
-struct TriangleWords { uvec4 words[4]; };
-layout(scalar, binding = 2) writeonly buffer Triangles { TriangleWords triangles[]; };
+layout(scalar, binding = 2) writeonly buffer Triangles { QuadTriangle triangles[]; };
 layout(scalar, binding = 3) buffer CellCounts { uint cell_counts[]; };
 
 // The piece that holds the batch's primitive `primitive`.
@@ -50,11 +48,11 @@ uvec3 vertex_slots(const Piece piece, const uint in_piece) {
 vec3 window(const Piece piece, const vec4 p, const bool made) {
     float inverse = exact_divide(1.0, p.w);
     vec3 ndc = p.xyz * inverse;
-    vec3 window = ndc * piece.scale + piece.offset;
+    vec3 scale = vec3(piece.scale, piece.depth_scale), offset = vec3(piece.offset, piece.depth_offset);
+    vec3 window = ndc * scale + offset;
     if (!made) {
-        window = vec3(multiply_add(ndc.x, piece.scale.x, piece.offset.x),
-                      multiply_add(ndc.y, piece.scale.y, piece.offset.y),
-                      multiply_add(ndc.z, piece.scale.z, piece.offset.z));
+        window = vec3(multiply_add(ndc.x, scale.x, offset.x), multiply_add(ndc.y, scale.y, offset.y),
+                      multiply_add(ndc.z, scale.z, offset.z));
     }
     const float far_out = float(1u << GUARD_LOG2);
     return vec3(clamp(window.xy, vec2(-far_out), vec2(far_out)), window.z);
@@ -66,7 +64,7 @@ ivec2 snap(const vec3 p) {
 }
 
 void store_flags(const uint at, const uint flags) {
-    triangles[at].words[3].w = flags;
+    triangles[at].vertices_flags.w = flags;
 }
 
 // Sets up one triangle at `at`, whose flags include `more`; without TRIANGLE_VALID if it draws nothing.
@@ -97,10 +95,10 @@ void set_up(const uint at, const uint more, const Piece piece, const uint piece_
     uint level = cell_level(x, y, first, last, batch.origin_y);
     flags |= level << TRIANGLE_LEVEL_SHIFT;
 
-    triangles[at].words[0] = uvec4(uvec3(x), uint(y.x));
-    triangles[at].words[1] = uvec4(uvec2(y.yz), first.x | first.y << 16, last.x | last.y << 16);
-    triangles[at].words[2] = uvec4(floatBitsToUint(plane.zxy), piece_index);
-    triangles[at].words[3] = uvec4(slots, flags | more);
+    triangles[at].x_first = uvec4(uvec3(x), first.x | first.y << 16);
+    triangles[at].y_last = uvec4(uvec3(y), last.x | last.y << 16);
+    triangles[at].depth_piece = uvec4(floatBitsToUint(plane.zxy), piece_index);
+    triangles[at].vertices_flags = uvec4(slots, flags | more);
 
     uvec4 range = cells_under(level, first, last);
     for (uint row = range.y; row <= range.w; row++) {

@@ -183,10 +183,14 @@ pub struct Piece {
     pub vertex_base: u32,
     /// Its vertex slots; unused ones follow, so that the next piece's begin at a multiple of [`QUAD`].
     pub vertex_slots: u32,
-    /// Clip space to window: factors of x, y and z.
-    pub scale: [f32; 3],
-    /// Clip space to window: offsets of x, y and z.
-    pub offset: [f32; 3],
+    /// Clip space to window: factors of x and y.
+    pub scale: [f32; 2],
+    /// Clip space to window: offsets of x and y.
+    pub offset: [f32; 2],
+    /// Clip space to window: factor of z.
+    pub depth_scale: f32,
+    /// Clip space to window: offset of z.
+    pub depth_offset: f32,
     /// Index of its fragment kernel in the batch.
     pub fragment_kernel: u32,
     /// A `Cull`.
@@ -258,10 +262,10 @@ pub struct Attribute {
 pub struct Triangle {
     /// Corners in 1/256 pixel from the centre of pixel (0, 0), clockwise on the screen.
     pub x: [i32; 3],
-    /// See `x`.
-    pub y: [i32; 3],
     /// First pixel that may be covered: x in the low half, y in the high half.
     pub bounds_min: u32,
+    /// See `x`.
+    pub y: [i32; 3],
     /// Last pixel that may be covered.
     pub bounds_max: u32,
     /// Depth at the centre of the target's pixel (0, 0).

@@ -19,27 +19,4 @@ bool any_of_quad(const bool own) {
     uint row = (own ? 1u : 0u) | subgroupQuadSwapHorizontal(own ? 1u : 0u);
     return (row | subgroupQuadSwapVertical(row)) != 0u;
 }
-
-// A `Piece` of abi.glsl as a quad fetches it.
-struct QuadPiece {
-    uvec4 numbers;  // first_in_draw, primitives_per_instance, first_primitive, fragment_resources
-    uvec4 vertices; // varying_base, varying_stride, vertex_base, vertex_slots
-    uvec4 window;   // scale, offset.x
-    vec2 offset_yz;
-    uint fragment_kernel, cull;
-    uvec4 elements; // topology, first_element, index_slot, index_bytes
-    uvec4 indices;  // base_vertex, first_instance, vertex_mode, vertex_min
-    uvec4 stage;    // vertices_per_instance, instance_min, attribute_base, vertex_resources
-    uint draw_id, front_face, cut, depth_test;
-    ivec2 rect_min, rect_max;
-    uint depth_write, depth_compare, blend, blend_color, blend_alpha;
-};
-
-// A `Triangle` of abi.glsl as a quad fetches it.
-struct QuadTriangle {
-    ivec3 x, y;
-    uint bounds_min, bounds_max;
-    uvec4 z_dzdx_dzdy_piece;
-    uvec4 vertices_flags;
-};
 #endif

@@ -130,13 +130,8 @@ impl Planner<'_> {
             return Ok(None);
         }
         let full = [extent.width as i32 - 1, extent.height as i32 - 1];
-        let scale =
-            [viewport.width / 2.0, viewport.height / 2.0, viewport.max_depth - viewport.min_depth];
-        let offset = [
-            viewport.x + viewport.width / 2.0,
-            viewport.y + viewport.height / 2.0,
-            viewport.min_depth,
-        ];
+        let scale = [viewport.width / 2.0, viewport.height / 2.0];
+        let offset = [viewport.x + scale[0], viewport.y + scale[1]];
         let depth_test = self.pass.depth.is_some() && pipeline.depth.test;
         let equation = |b: crate::state::BlendEquation| {
             b.src as u32 | (b.dst as u32) << 4 | (b.op as u32) << 8
@@ -166,6 +161,8 @@ impl Planner<'_> {
             front_face: pipeline.front_face as u32,
             scale,
             offset,
+            depth_scale: viewport.max_depth - viewport.min_depth,
+            depth_offset: viewport.min_depth,
             rect_min,
             rect_max,
             cut: u32::from(rect_min != [0, 0] || rect_max != full),

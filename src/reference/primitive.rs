@@ -136,9 +136,11 @@ fn to_window(piece: &Piece, corner: &Corner) -> [f32; 3] {
     let [x, y, z, w] = corner.position;
     let inverse = flush(1.0 / w);
     let ndc = [x * inverse, y * inverse, z * inverse];
+    let scale = [piece.scale[0], piece.scale[1], piece.depth_scale];
+    let offset = [piece.offset[0], piece.offset[1], piece.depth_offset];
     let mut window: [f32; 3] = std::array::from_fn(|i| match corner.made {
-        true => ndc[i] * piece.scale[i] + piece.offset[i],
-        false => multiply_add(ndc[i], piece.scale[i], piece.offset[i]),
+        true => ndc[i] * scale[i] + offset[i],
+        false => multiply_add(ndc[i], scale[i], offset[i]),
     });
     let far_out = (1 << abi::GUARD_LOG2) as f32;
     for c in &mut window[..2] {

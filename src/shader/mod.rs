@@ -5,6 +5,7 @@
 //! engine's kernels.
 
 #[cfg(feature = "glsl")]
+mod block;
 mod compile;
 #[cfg(feature = "glsl")]
 mod compiler;

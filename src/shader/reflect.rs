@@ -1,7 +1,7 @@
 //! What a shader binds, reads and writes, read from its SPIR-V.
 
 use super::{
-    Reflection, Stage,
+    Reflection, Stage, block,
     interface::{self, Variable},
     module::{Index, Outcome, ids},
     resource,
@@ -26,8 +26,8 @@ pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<Reflection> 
     }
     let bound = resource::bound(&index, &usage)?;
     if let Some(variable) = bound.push_constants {
-        let (_, block) = index.pointer(index.type_of(variable)?)?;
-        reflection.push_constant_bytes = resource::bytes(&index, block)?;
+        let (_, ty) = index.pointer(index.type_of(variable)?)?;
+        reflection.push_constant_bytes = block::bytes(&index, ty)?;
     }
     reflection.resources = bound.resources;
     reflection.inputs.sort_by_key(|v| (v.location, v.component));

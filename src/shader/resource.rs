@@ -5,8 +5,8 @@
 //! HLSL compilers make of a texture with its sampler.
 
 use super::{
-    Dimension, ImageShape, Resource, ResourceKind, Scalar, interface,
-    module::{Index, Outcome, ids},
+    Dimension, ImageShape, Resource, ResourceKind, Scalar, block, interface,
+    module::{Index, Outcome},
     usage::Usage,
 };
 use rspirv::{
@@ -115,7 +115,7 @@ fn resource(index: &Index, id: Word, class: StorageClass, ty: Word) -> Outcome<R
         }
         (_, op) => return Err(format!("a resource of Op{op:?}")),
     };
-    let bytes = if op == Op::TypeStruct { bytes(index, element)? } else { 0 };
+    let bytes = if op == Op::TypeStruct { block::bytes(index, element)? } else { 0 };
     let image = match op {
         Op::TypeSampledImage => Some(shape(index, index.id_operand(element, 0)?)?),
         Op::TypeImage => Some(shape(index, element)?),
@@ -145,55 +145,4 @@ fn shape(index: &Index, image: Word) -> Outcome<ImageShape> {
         multisampled: index.number(image, 4)? == 1,
         texel,
     })
-}
-
-/// Bytes of a block: where the member that reaches furthest ends. A run-time array counts as one
-/// element.
-pub(super) fn bytes(index: &Index, ty: Word) -> Outcome<u32> {
-    let mut end = 0u32;
-    for (n, member) in ids(index.def(ty)?).enumerate() {
-        let at = |decoration| index.member_literal(ty, n as u32, decoration);
-        let offset = at(Decoration::Offset).ok_or("a block without offsets")?;
-        let stride = at(Decoration::MatrixStride).unwrap_or(0);
-        let row_major = index.member_has(ty, n as u32, Decoration::RowMajor);
-        let size = size(index, member, stride, row_major)?;
-        end = end.max(offset.checked_add(size).ok_or("a block of more than 2^32 bytes")?);
-    }
-    Ok(end)
-}
-
-/// Bytes of a value inside a block.
-fn size(index: &Index, ty: Word, matrix_stride: u32, row_major: bool) -> Outcome<u32> {
-    let too_large = || "a block of more than 2^32 bytes".to_string();
-    let times = |count: u32, stride: u32| count.checked_mul(stride).ok_or_else(too_large);
-    match index.op(ty)? {
-        Op::TypeInt | Op::TypeFloat => Ok(index.number(ty, 0)? / 8),
-        Op::TypePointer => Ok(8),
-        Op::TypeVector => {
-            let component = index.id_operand(ty, 0)?;
-            times(index.number(ty, 1)?, size(index, component, 0, false)?)
-        }
-        Op::TypeMatrix => {
-            let column = index.id_operand(ty, 0)?;
-            let (columns, rows) = (index.number(ty, 1)?, index.number(column, 1)?);
-            let component = size(index, index.id_operand(column, 0)?, 0, false)?;
-            let (lines, length) = if row_major { (rows, columns) } else { (columns, rows) };
-            let before = times(lines.saturating_sub(1), matrix_stride)?;
-            before.checked_add(times(length, component)?).ok_or_else(too_large)
-        }
-        Op::TypeArray | Op::TypeRuntimeArray => {
-            let element = index.id_operand(ty, 0)?;
-            let count = match index.op(ty)? {
-                Op::TypeArray => interface::length(index, index.id_operand(ty, 1)?, &[])?,
-                _ => 1,
-            };
-            let stride =
-                index.literal(ty, Decoration::ArrayStride).ok_or("an array without stride")?;
-            let last = size(index, element, matrix_stride, row_major)?;
-            let before = times(count.saturating_sub(1), stride)?;
-            before.checked_add(last).ok_or_else(too_large)
-        }
-        Op::TypeStruct => bytes(index, ty),
-        other => Err(format!("a block member of Op{other:?}")),
-    }
 }

@@ -26,7 +26,6 @@ mod guard;
 mod hooks;
 mod import;
 mod kill;
-mod layout;
 mod limits;
 mod linker;
 mod nonuniform;

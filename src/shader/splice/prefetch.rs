@@ -12,11 +12,13 @@
 
 use super::{
     hooks::Hooks,
-    layout::Layouts,
     linker::{Code, Linker, id, literal},
     resources::Element,
 };
-use crate::shader::module::{Outcome, ids};
+use crate::shader::{
+    block,
+    module::{Index, Outcome, ids},
+};
 use rspirv::{
     dr::{Function, Instruction, Operand},
     spirv::{Op, Word},
@@ -52,18 +54,21 @@ pub(super) fn prefetch(
         .filter(|((_, element), _)| element.is_read_only() && !element.is_array())
         .map(|((variable, element), &index)| (*variable, (element.ty(), index)))
         .collect();
-    let layouts = Layouts::new(linker);
     let mut words_left = MAX_WORDS;
     let mut parts: Vec<Part> = Vec::new();
     let mut known: HashMap<Place, Word> = HashMap::new();
     let mut instead: HashMap<Word, Word> = HashMap::new();
-    for (result, place, ty) in chains(linker, functions, &blocks) {
+    let chains = chains(linker, functions, &blocks);
+    let index = Index::new(&linker.module);
+    let words: Vec<_> = (chains.iter())
+        .map(|(_, (variable, indices), _)| block::words(&index, blocks[variable].0, indices).ok())
+        .collect();
+    for ((result, place, ty), words) in chains.into_iter().zip(words) {
         if let Some(&stand_in) = known.get(&place) {
             instead.insert(result, stand_in);
             continue;
         }
         let variable = place.0;
-        let words = layouts.words(linker, blocks[&variable].0, &place.1);
         let Some(words) = words.filter(|words| words.len() <= words_left) else { continue };
         words_left -= words.len();
         let stand_in = linker.private(ty);
