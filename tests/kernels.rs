@@ -7,6 +7,7 @@ use rspirv::binary::Assemble;
 use std::{fs, path::Path};
 use tilewright::{
     abi,
+    image::linear_to_srgb,
     vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
 };
 
@@ -23,11 +24,15 @@ fn probe<I: Pod, O: Pod>(gpu: &Gpu, includes: &[&str], body: &str, inputs: &[I])
 #define SUBPIXEL_BITS {}u
 #define KEY_LOG2 {}u
 #define MAX_CLIPPED {}u
-#define BIN_PIXELS {}u\n",
+#define BIN_PIXELS {}u
+#define FORMAT_RGBA8_SRGB {}u
+#define FORMAT_RGBA16_FLOAT {}u\n",
         abi::SUBPIXEL_BITS,
         abi::KEY_LOG2,
         abi::MAX_CLIPPED,
-        abi::BIN_PIXELS
+        abi::BIN_PIXELS,
+        abi::FORMAT_RGBA8_SRGB,
+        abi::FORMAT_RGBA16_FLOAT
     );
     for include in includes {
         let text = fs::read_to_string(folder.join(include)).expect("a file of glsl/");
@@ -170,6 +175,38 @@ fn wide_integers_are_64_bit_integers() {
             assert_eq!(i64::from(r[2] as i32), expected.signum(), "{v:?}");
             let limit = 1 << 30;
             assert_eq!(i64::from(r[3] as i32), (expected >> 8).clamp(-limit, limit), "{v:?}");
+        }
+    });
+}
+
+#[test]
+fn srgb_is_what_the_standard_says() {
+    on_each_gpu("sRGB", |gpu| {
+        let mut random = Random::new(5);
+        let includes = ["lib/color.glsl"];
+        let lights: Vec<[f32; 4]> = (0..CASES)
+            .map(|i| match i {
+                0 => [0.0; 4],
+                1 => [1.0, 0.0031308, 0.0031309, 1.0],
+                _ => std::array::from_fn(|_| 2f32.powf(-12.0 * random.unit())),
+            })
+            .collect();
+        let body = "r.xyz = floatBitsToUint(srgb_encode(uintBitsToFloat(v.rgb)));";
+        let encoded: Vec<[f32; 4]> = probe(gpu, &includes, body, &lights);
+        for (light, encoded) in lights.iter().zip(&encoded) {
+            for (light, encoded) in light.iter().zip(&encoded[..3]) {
+                let error = 255.0 * (encoded - linear_to_srgb(*light)).abs();
+                assert!(error < 0.004, "{light} is {encoded}, wrong by {error} of 255");
+            }
+        }
+        let codes: Vec<[u32; 4]> = (0..256).map(|code| [code * 0x01_01_01, 0, 0, 0]).collect();
+        let body = "vec4 c = color_decode(FORMAT_RGBA8_SRGB, v.xy);
+            r = uvec4(floatBitsToUint(c.r), color_encode(FORMAT_RGBA8_SRGB, c), 0u);";
+        let decoded: Vec<[u32; 4]> = probe(gpu, &includes, body, &codes);
+        for ([code, ..], [light, back, ..]) in codes.iter().zip(decoded) {
+            assert_eq!(*code, back, "decoded and encoded again");
+            let error = 255.0 * linear_to_srgb(f32::from_bits(light)) - (code & 0xff) as f32;
+            assert!(error.abs() < 0.014, "{code:#x} decodes to a light wrong by {error} of 255");
         }
     });
 }

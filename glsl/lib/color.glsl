@@ -8,12 +8,29 @@ vec4 saturate(const vec4 c) {
                 c.b > 0.0 ? min(c.b, 1.0) : 0.0, c.a > 0.0 ? min(c.a, 1.0) : 0.0);
 }
 
+// The sRGB transfer functions, IEC 61966-2-1. Drivers round `pow` as they like; polynomials of exact
+// operations give the same bytes on all of them, in half the time.
+
+// Within 0.003 of 255.
 vec3 srgb_encode(const vec3 c) {
-    return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
+    // 1.055 c^(1 / 2.4), where c = m 2^-k: a polynomial of m, which is in 1..2, times the power of 2^-k,
+    // bit by bit of k.
+    uvec3 bits = floatBitsToUint(c);
+    vec3 m = uintBitsToFloat((bits & 0x7fffffu) | 0x3f800000u);
+    uvec3 k = 127u - (bits >> 23);
+    vec3 power = 0.433846949 + m * (0.874447502 + m * (-0.335793064 + m * (0.0939347661 - m * 0.0114251725)));
+    power *= mix(vec3(1.0), vec3(0.749153538), notEqual(k & 1u, uvec3(0u)));
+    power *= mix(vec3(1.0), vec3(0.561231024), notEqual(k & 2u, uvec3(0u)));
+    power *= mix(vec3(1.0), vec3(0.314980262), notEqual(k & 4u, uvec3(0u)));
+    power *= mix(vec3(1.0), vec3(0.0992125657), notEqual(k & 8u, uvec3(0u)));
+    return mix(power - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
 }
 
+// Within what changes the encoded value by 0.013 of 255.
 vec3 srgb_decode(const vec3 c) {
-    return mix(c * (1.0 / 12.92), pow((c + 0.055) * (1.0 / 1.055), vec3(2.4)), greaterThan(c, vec3(0.04045)));
+    vec3 light = 0.000916756933 + c * (0.0327492962 + c * (0.519358991 + c * (0.667225287
+               + c * (-0.307453952 + c * 0.0873140775))));
+    return mix(light, c * (1.0 / 12.92), lessThanEqual(c, vec3(0.04045)));
 }
 
 uint pack_unorm8(const vec4 c) {
