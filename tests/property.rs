@@ -12,8 +12,8 @@ use tilewright::{
     image::Extent,
     pass::{Buffer, BufferRange, Draw, Executor, Pass, Pipeline},
     shader::{Shader, Stage},
-    state::{Blend, BlendEquation, BlendFactor, BlendOp, DepthState},
-    target::ColorTarget,
+    state::{Blend, BlendEquation, BlendFactor, BlendOp, Compare, DepthState, Topology},
+    target::{ColorTarget, DepthTarget},
 };
 
 /// Adds 1/255 to every channel of each pixel a fragment covers.
@@ -186,6 +186,86 @@ fn the_picture_does_not_depend_on_the_batch_size() {
                     "seed {seed}: colours depend on the batch size"
                 );
                 assert!(first.depth == other.depth, "seed {seed}: depths depend on the batch size");
+            }
+        }
+    });
+}
+
+/// Blended draws that write depth may move it away from the eye. What is opaque after them, in the same
+/// batch or another, has to be tested against that and not against what the bins held before.
+#[test]
+fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
+    on_each_gpu("depth across batches", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+        let base = random_pass(0, &shaders());
+        let extent = Extent::new(70, 50);
+        let pipeline = |compare, blend| Pipeline {
+            topology: Topology::TriangleStrip,
+            cull: Default::default(),
+            depth: DepthState { test: true, write: true, compare },
+            blend,
+            ..(*base.pipelines[0]).clone()
+        };
+        let (opaque, blended) = (0, 1);
+        let pipelines = vec![
+            Arc::new(pipeline(Compare::Less, None)),
+            Arc::new(pipeline(Compare::Always, Some(Blend::ALPHA))),
+        ];
+        // Layers in order: how they are drawn, at which depth, from which x to which y of clip space.
+        let layers = [
+            (opaque, 0.5, -1.0, 1.0),
+            (blended, 0.875, -1.0, 1.0),
+            (opaque, 0.75, 0.0, 1.0),
+            (blended, 0.25, -1.0, 1.0),
+            (opaque, 0.375, 0.0, 1.0),
+            (opaque, 0.125, -1.0, 0.0),
+        ];
+        let draw = |(pipeline, z, left, bottom): (usize, f32, f32, f32)| {
+            let corners = [[left, -1.0], [1.0, -1.0], [left, bottom], [1.0, bottom]];
+            let corners = corners.map(|[x, y]| [x, y, z, 1.0f32]);
+            let bytes = bytemuck::cast_slice(&corners).to_vec();
+            let mut draw = Draw::new(pipeline, 4);
+            draw.vertex_buffers =
+                vec![BufferRange::whole(&Arc::new(Buffer { label: "layer".into(), bytes }))];
+            draw
+        };
+        let draws: Vec<Draw> = layers.map(draw).to_vec();
+        // Depths after each layer: top left, top right, bottom left, bottom right.
+        let expected = [
+            [0.5; 4],
+            [0.875; 4],
+            [0.875, 0.75, 0.875, 0.75],
+            [0.25; 4],
+            [0.25; 4],
+            [0.125, 0.125, 0.25, 0.25],
+        ];
+        for primitives in [2, 4, 6, 1 << 17] {
+            renderer.set_batch_limit(Capacities {
+                primitives,
+                vertices: 3 * primitives,
+                varying_words: 1 << 20,
+            });
+            for (drawn, expected) in expected.iter().enumerate() {
+                let pass = Pass {
+                    extent,
+                    depth: Some(DepthTarget { clear: 1.0 }),
+                    pipelines: pipelines.clone(),
+                    draws: draws[..=drawn].to_vec(),
+                    ..base.clone()
+                };
+                let frame = renderer.render(&pass).expect("it is drawn");
+                let depths = frame.depth.expect("a depth target").depths();
+                for (i, depth) in depths.iter().enumerate() {
+                    let (right, bottom) = (i % 70 >= 35, i / 70 >= 25);
+                    let wanted = expected[2 * usize::from(bottom) + usize::from(right)];
+                    assert_eq!(
+                        *depth,
+                        wanted,
+                        "pixel ({}, {}) after layer {drawn} by {primitives} primitives",
+                        i % 70,
+                        i / 70
+                    );
+                }
             }
         }
     });

@@ -38,9 +38,12 @@ pub fn table(document: &Value) -> String {
     sizes.sort_by_key(|size| size.to_string());
     sizes.dedup();
     let mut mean = |what: &str, rows: &[Value]| {
-        let count = ratios(rows).count();
+        let count = match ratios(rows).count() {
+            1 => "1 ratio".into(),
+            count => format!("{count} ratios"),
+        };
         if let Some(mean) = geometric_mean(ratios(rows)) {
-            let _ = writeln!(out, "geometric mean of {count} ratios{what}: {mean:.3}");
+            let _ = writeln!(out, "geometric mean of {count}{what}: {mean:.3}");
         }
     };
     mean("", rows);
@@ -182,7 +185,7 @@ mod tests {
         let document = json!({ "rows": rows, "skipped": skipped });
         let said = table(&document);
         assert!(said.contains("geometric mean of 2 ratios: 4.000"), "{said}");
-        assert!(said.contains("geometric mean of 1 ratios at 8x8: 8.000"), "{said}");
+        assert!(said.contains("geometric mean of 1 ratio at 8x8: 8.000"), "{said}");
         assert!(said.contains("d at 8x8: the pictures differ"), "{said}");
         assert!(said.contains("e at 8x8: not measured: no time"), "{said}");
         let csv = csv(&document);

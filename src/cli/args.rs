@@ -13,8 +13,7 @@ use std::{path::PathBuf, time::Duration};
     name = "tilewright",
     version,
     about = "The GPU's graphics pipeline, rebuilt as Vulkan compute kernels",
-    after_help = AFTER_HELP,
-    disable_help_subcommand = true
+    after_help = AFTER_HELP
 )]
 pub struct Typed {
     #[command(subcommand)]
@@ -53,8 +52,11 @@ Examples:
     Render(RenderArgs),
     /// Draw a scene with compute kernels and with the device's own pipeline, and compare
     #[command(after_help = "\
-Prints pixels, coverage_differing, winner_differing, colour_over_1, colour_max and depth_max. The
-limits are narrower for a scene of which no triangle crosses the border of the picture.
+Prints how many pixels there are, how many are covered by one of the two only
+(coverage_differing), show another triangle (winner_differing) or a colour that
+is off by more than 1 of 255 (colour_over_1), and the largest differences of
+colour and depth. The limits are narrower for a scene of which no triangle
+crosses the border of the picture.
 
 Examples:
   tilewright parity scene.glb
@@ -63,12 +65,14 @@ Examples:
     /// Time compute kernels against the device's own pipeline
     #[command(
         args_conflicts_with_subcommands = true,
+        disable_help_subcommand = true,
         after_help = "\
-Without scenes, all named ones are drawn. Each row is one scene at one size: the pictures are compared,
-then both draw in turns. RATIO is classic time / compute time, so that more than 1 is faster. A verdict
-is FASTER or SLOWER if the whole 95 % interval of the ratio is on one side of 1 and the ratio is off by
-more than 2 %, SAME if the interval is within 2 % of 1, INVALID if the pictures differ, AMBIGUOUS
-otherwise.
+Without scenes, all named ones are drawn. Each row is one scene at one size: the
+pictures are compared, then both draw in turns. RATIO is classic time / compute
+time, so that more than 1 is faster. A verdict is FASTER or SLOWER if the whole
+95 % interval of the ratio is on one side of 1 and the ratio is off by more than
+2 %, SAME if the interval is within 2 % of 1, INVALID if the pictures differ,
+AMBIGUOUS otherwise. Options for the camera are for files and built-in scenes.
 
 Examples:
   tilewright bench
@@ -79,10 +83,13 @@ Examples:
   tilewright bench --list"
     )]
     Bench(BenchArgs),
-    /// Check what the splicer makes of shaders
-    #[command(after_help = "\
+    /// Check whether shaders can be drawn with
+    #[command(
+        disable_help_subcommand = true,
+        after_help = "\
 Example:
-  tilewright conform shaders my/shaders --json")]
+  tilewright conform shaders my/shaders --json"
+    )]
     Conform(ConformArgs),
     /// List the Vulkan devices and whether they can be used
     #[command(after_help = "\
@@ -121,7 +128,8 @@ pub struct ParityArgs {
     /// Print one flat JSON object instead of a table
     #[arg(long)]
     pub json: bool,
-    /// Write a picture that shows where the two differ
+    /// Write a picture of where the two differ: in coverage red, in the triangle yellow, in colour
+    /// magenta, each pixel as a cross, over the scene in dark grey
     #[arg(long, value_name = "OUT.png")]
     pub diff: Option<PathBuf>,
     #[command(flatten)]
@@ -136,7 +144,7 @@ pub struct BenchArgs {
     #[arg(value_name = "SCENE")]
     pub scenes: Vec<String>,
     /// Pixels across and down; can be given several times [default: 1920x1080]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = parse_size, allow_hyphen_values = true)]
     pub size: Vec<Extent>,
     /// Vary generated scenes along an axis (--list); several make every combination
     #[arg(long, value_name = "NAME=A,B,C")]
@@ -200,6 +208,10 @@ pub struct ConformArgs {
 pub enum ConformSubject {
     /// Compile, splice and validate every .vert and .frag under a folder
     #[command(after_help = "\
+Prints how many were compiled to SPIR-V, spliced into the kernels with a valid
+result, and created on the device, and why the others were refused. What a
+shader writes to further colour targets goes nowhere: a pass has one.
+
 Example:
   tilewright conform shaders my/shaders --json")]
     Shaders(ConformShadersArgs),
@@ -234,7 +246,7 @@ pub struct SceneArgs {
     #[arg(value_name = "SCENE", help = scene_help())]
     pub scene: String,
     /// Pixels across and down, each 1 to 16384
-    #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, allow_hyphen_values = true)]
     pub size: Extent,
     #[command(flatten)]
     pub view: ViewArgs,
@@ -246,23 +258,23 @@ pub struct ViewArgs {
     /// A camera of the file, by name or number [default: the first; without one, frame the scene]
     #[arg(long, value_name = "NAME|INDEX", conflicts_with_all = ["eye", "target", "up"])]
     pub camera: Option<String>,
-    /// Where to look from
+    /// Where to look from, with --target
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_vec3, requires = "target", allow_hyphen_values = true)]
     pub eye: Option<Vec3>,
-    /// What to look at
+    /// What to look at, with --eye
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_vec3, requires = "eye", allow_hyphen_values = true)]
     pub target: Option<Vec3>,
-    /// Which way is up [default: 0,1,0]
+    /// Which way is up, with --eye and --target [default: 0,1,0]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_vec3, requires = "eye", allow_hyphen_values = true)]
     pub up: Option<Vec3>,
     /// Vertical field of view [default: the camera's, or 45]
-    #[arg(long, value_name = "DEGREES", value_parser = parse_fov)]
+    #[arg(long, value_name = "DEGREES", value_parser = parse_fov, allow_hyphen_values = true)]
     pub fov: Option<f32>,
     /// Colour behind everything, as sRGB [default: the scene's]
     #[arg(long, value_name = "RRGGBB[AA]", value_parser = parse_background)]
     pub background: Option<[u8; 4]>,
     /// Time at which animations are evaluated [default: the rest pose]
-    #[arg(long, value_name = "SECONDS", value_parser = parse_time)]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_time, allow_hyphen_values = true)]
     pub time: Option<f32>,
 }
 
@@ -391,7 +403,7 @@ mod tests {
         let mut command = Typed::command();
         command.build();
         command.clone().debug_assert();
-        for verb in command.get_subcommands() {
+        for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
             let help = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
             assert!(
                 help.contains(&format!("tilewright {}", verb.get_name())),

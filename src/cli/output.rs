@@ -84,11 +84,7 @@ impl Output {
     /// Whether writing this would replace `path`.
     pub fn replaces(&self, path: &Path) -> bool {
         match &self.0 {
-            Place::File(target) => match (fs::canonicalize(target), fs::canonicalize(path)) {
-                (Ok(target), Ok(path)) => target == path,
-                // Neither exists yet: the same name is the same file.
-                _ => target == path,
-            },
+            Place::File(target) => canonical(target) == canonical(path),
             Place::Stdout | Place::Special(_) => false,
         }
     }
@@ -141,6 +137,16 @@ pub fn write_stdout(bytes: &[u8]) -> Result<()> {
 /// Writes `value` to standard output, indented, with a line feed.
 pub fn write_json(value: &serde_json::Value) -> Result<()> {
     write_stdout(format!("{value:#}\n").as_bytes())
+}
+
+/// The one name of a file that may not be there yet, however it is spelled.
+fn canonical(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| {
+        match (fs::canonicalize(folder(path)), path.file_name()) {
+            (Ok(folder), Some(name)) => folder.join(name),
+            _ => path.into(),
+        }
+    })
 }
 
 /// The folder that holds `path`.

@@ -78,7 +78,9 @@ fn table(both: &Both) -> String {
     let why = match both.crosses {
         Some(true) => "triangles cross the border of the picture",
         Some(false) => "no triangle crosses the border of the picture",
-        None => "as if no triangle crossed the border of the picture",
+        None => {
+            "those for triangles within the picture; where they cross its border, depth has a wider one"
+        }
     };
     [
         format!("{:<20} {:>10} {:>10}  ({why})\n", "", "found", "limit"),

@@ -8,6 +8,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     image::Extent,
+    scene::Scene,
 };
 use std::path::{Path, PathBuf};
 
@@ -162,10 +163,20 @@ fn look_at(Vec3(eye): Vec3, Vec3(target): Vec3, up: Option<Vec3>) -> Result<Came
     let up = up.map_or([0.0, 1.0, 0.0], |Vec3(up)| up);
     let [eye_v, target_v, up_v] = [eye, target, up].map(glam::Vec3::from);
     let forward = target_v - eye_v;
-    if forward.length_squared() == 0.0 {
+    if forward == glam::Vec3::ZERO {
         return Err(Error::Usage("--eye and --target are the same point".into()));
     }
-    if forward.normalize_or_zero().cross(up_v.normalize_or_zero()).length() < 1e-6 {
+    let Some(forward) = forward.try_normalize() else {
+        return Err(Error::Usage(
+            "--eye and --target are too close or too far apart for single precision: a distance \
+             between 1e-18 and 1e18 is possible"
+                .into(),
+        ));
+    };
+    let Some(up_v) = up_v.try_normalize() else {
+        return Err(Error::Usage("--up has no length: a direction like 0,1,0 is expected".into()));
+    };
+    if forward.cross(up_v).length() < 1e-6 {
         return Err(Error::Usage(
             "the camera looks along its up direction; choose another --up, like 0,0,1".into(),
         ));
@@ -177,9 +188,10 @@ impl SceneName {
     /// The scene that was typed.
     ///
     /// # Errors
-    /// [`Error::Input`] for a file that is not there.
+    /// [`Error::Input`] for a file that is not there, [`Error::Usage`] for no built-in scene.
     pub fn new(typed: &str) -> Result<Self> {
         if let Some(name) = typed.strip_prefix("builtin:") {
+            Scene::check_builtin(name)?;
             return Ok(SceneName::Builtin(name.into()));
         }
         let path = Path::new(typed);
@@ -188,7 +200,12 @@ impl SceneName {
             Ok(_) => Ok(SceneName::File(path.into())),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Error::input(
                 path,
-                "there is no such file (scenes that need none are called builtin:NAME)",
+                match Scene::check_builtin(typed) {
+                    Ok(()) => format!("there is no such file, but a scene `builtin:{typed}`"),
+                    Err(_) => "there is no such file (scenes that need none are called \
+                               builtin:NAME, see --help)"
+                        .into(),
+                },
             )),
             Err(e) => Err(Error::input(path, e)),
         }
@@ -250,11 +267,17 @@ mod tests {
     #[test]
     fn a_camera_without_a_direction_is_refused() {
         let (_folder, out) = folder_with("out.png");
-        for line in
-            [&["--eye", "1,2,3", "--target", "1,2,3"], &["--eye", "0,9,0", "--target", "0,0,0"]]
-        {
-            let refused = render(&[&["builtin:teapot", "-o", &out], &line[..]].concat());
-            assert!(matches!(refused, Err(Error::Usage(_))), "{line:?}");
+        for (line, reason) in [
+            (["1,2,3", "1,2,3", "0,1,0"], "same point"),
+            (["0,9,0", "0,0,0", "0,1,0"], "along its up"),
+            (["1e30,0,0", "0,0,0", "0,1,0"], "too far apart"),
+            (["0,0,9", "0,0,0", "0,0,0"], "--up has no length"),
+        ] {
+            let [eye, target, up] = line;
+            let camera = ["--eye", eye, "--target", target, "--up", up];
+            let refused = render(&[&["builtin:teapot", "-o", &out], &camera[..]].concat());
+            let Err(Error::Usage(said)) = refused else { panic!("{line:?}") };
+            assert!(said.contains(reason), "{said}");
         }
     }
 
@@ -267,6 +290,10 @@ mod tests {
         let out = folder.path().join("out.png");
         let out = out.to_str().unwrap();
         assert!(matches!(render(&[&scene, "-o", out, "--stats", out]), Err(Error::Usage(_))));
+        let again = folder.path().join("./new/../out.png");
+        std::fs::create_dir(folder.path().join("new")).unwrap();
+        let again = again.to_str().unwrap();
+        assert!(matches!(render(&[&scene, "-o", out, "--stats", again]), Err(Error::Usage(_))));
         assert!(matches!(render(&[&scene, "-o", out, "--stats", &scene]), Err(Error::Usage(_))));
     }
 
@@ -277,6 +304,11 @@ mod tests {
         let missing = missing.to_str().unwrap();
         let refused = render(&[missing, "-o", &out]).unwrap_err().to_string();
         assert!(refused.starts_with(missing) && refused.contains("no such file"), "{refused}");
+        let refused = render(&["teapot", "-o", &out]).unwrap_err().to_string();
+        assert!(refused.ends_with("`builtin:teapot`"), "{refused}");
+        for wrong in ["builtin:", "builtin:teapt", "builtin:soup:x"] {
+            assert!(matches!(render(&[wrong, "-o", &out]), Err(Error::Usage(_))), "{wrong}");
+        }
         let folder = folder.path().to_str().unwrap();
         assert!(matches!(render(&[folder, "-o", &out]), Err(Error::Input { .. })));
     }

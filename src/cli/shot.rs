@@ -102,12 +102,17 @@ fn named(scene: &Scene, wanted: &str) -> Result<Camera> {
         let list: Vec<_> = cameras
             .iter()
             .enumerate()
-            .map(|(number, camera)| format!("{number} `{}`", camera.name))
+            .map(|(number, camera)| match camera.name.as_str() {
+                "" => format!("number {number}"),
+                name => format!("number {number} `{name}`"),
+            })
             .collect();
-        Error::Usage(format!(
-            "there is no camera `{wanted}`; the scene has {}",
-            if list.is_empty() { "none: use --eye and --target".into() } else { list.join(", ") }
-        ))
+        Error::Usage(match list.is_empty() {
+            true => {
+                format!("there is no camera `{wanted}`, the scene has none: use --eye and --target")
+            }
+            false => format!("there is no camera `{wanted}`, only {}", list.join(", ")),
+        })
     })
 }
 

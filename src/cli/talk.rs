@@ -88,9 +88,15 @@ impl log::Log for Logger {
 
 /// Installs the logger and the panic hook.
 pub fn install() {
-    let level = std::env::var("TILEWRIGHT_LOG").ok().and_then(|level| level.parse().ok());
+    let typed = std::env::var("TILEWRIGHT_LOG").unwrap_or_default();
+    let level = typed.parse();
     if log::set_logger(&Logger).is_ok() {
-        log::set_max_level(level.unwrap_or(log::LevelFilter::Warn));
+        log::set_max_level(*level.as_ref().unwrap_or(&log::LevelFilter::Warn));
+    }
+    if level.is_err() && !typed.is_empty() {
+        log::warn!(
+            "TILEWRIGHT_LOG=`{typed}` is no level; there are off, error, warn, info, debug and trace"
+        );
     }
     std::panic::set_hook(Box::new(|panic| {
         line(format_args!(

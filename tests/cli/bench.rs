@@ -84,7 +84,7 @@ fn axes_make_rows_and_files_are_scenes_too() {
     let table = run(line).expect(0);
     let said = table.stdout_text();
     assert!(
-        said.contains("builtin:triangle") && said.contains("geometric mean of 1 ratios"),
+        said.contains("builtin:triangle") && said.contains("geometric mean of 1 ratio:"),
         "{said}"
     );
 }

@@ -33,34 +33,46 @@ const SCENES: [(&str, Make); 10] = [
 ];
 
 impl Scene {
+    /// Checks that [`Scene::builtin`] takes `name`, without making the scene.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn check_builtin(name: &str) -> Result<()> {
+        find(name).map(|_| ())
+    }
+
     /// The names that [`Scene::builtin`] takes.
     pub fn builtin_names() -> impl Iterator<Item = &'static str> {
         SCENES.iter().map(|(name, _)| *name)
     }
 
-    /// The built-in scene `name`; an empty name is the first of [`Scene::builtin_names`]. A number
-    /// after a colon (`soup:7`) seeds the random ones.
+    /// The built-in scene `name`. A number after a colon (`soup:7`) seeds the random ones.
     ///
     /// # Errors
     /// [`Error::Usage`] that lists the names, if there is no such scene.
     pub fn builtin(name: &str) -> Result<Scene> {
-        let (base, seed) = name.split_once(':').unwrap_or((name, "1"));
-        let base = if base.is_empty() { SCENES[0].0 } else { base };
-        let seed: u64 = seed.parse().map_err(|_| {
-            Error::Usage(format!("`{seed}` in `builtin:{name}` is no seed: a number is expected"))
-        })?;
-        let Some((base, make)) = SCENES.iter().find(|(known, _)| *known == base) else {
-            let names: Vec<_> = Self::builtin_names().collect();
-            return Err(Error::Usage(format!(
-                "there is no built-in scene `{name}`; there are {}",
-                names.join(", ")
-            )));
-        };
+        let (base, make, seed) = find(name)?;
         let mut builder = Builder::default();
         let made = make(&mut builder, seed).map_err(Fault::Input);
         let scene = made.and_then(|()| builder.finish(base));
         scene.map_err(|fault| fault.into_error(name.as_ref()))
     }
+}
+
+/// The scene called `name`, with its seed.
+fn find(name: &str) -> Result<(&'static str, Make, u64)> {
+    let (base, seed) = name.split_once(':').unwrap_or((name, "1"));
+    let Some(&(base, make)) = SCENES.iter().find(|(known, _)| *known == base) else {
+        let names: Vec<_> = Scene::builtin_names().collect();
+        return Err(Error::Usage(format!(
+            "there is no built-in scene `{name}`; there are {}",
+            names.join(", ")
+        )));
+    };
+    let seed = seed.parse().map_err(|_| {
+        Error::Usage(format!("`{seed}` in `builtin:{name}` is no seed: a number is expected"))
+    })?;
+    Ok((base, make, seed))
 }
 
 /// A dielectric.
@@ -101,7 +113,9 @@ fn checkerboard(squares: u32, size: u32, colors: [[u8; 3]; 2]) -> Texture {
 }
 
 fn plain_teapot(builder: &mut Builder, _: u64) -> std::result::Result<(), String> {
-    add(builder, &teapot::teapot(16), plastic([0.62, 0.14, 0.08], 0.3), Mat4::IDENTITY)
+    // Between lid and rim, and from above, its inside is seen.
+    let material = Material { double_sided: true, ..plastic([0.62, 0.14, 0.08], 0.3) };
+    add(builder, &teapot::teapot(16), material, Mat4::IDENTITY)
 }
 
 fn triangle(builder: &mut Builder, _: u64) -> std::result::Result<(), String> {
