@@ -4,8 +4,8 @@
 //! own graphics pipeline takes. `splice` turns its entry point into a function of one of the
 //! engine's kernels.
 
-#[cfg(feature = "glsl")]
 mod block;
+#[cfg(feature = "glsl")]
 mod compile;
 #[cfg(feature = "glsl")]
 mod compiler;
