@@ -19,12 +19,18 @@ uint divide(const uint a, const uint b) {
     return a / b;
 }
 
+// The word that holds byte `byte` of the vertex or index buffer whose first slot is `slot`.
+uint fetch_word(const uint slot, const uint byte) {
+    uint window = byte >> WINDOW_LOG2, word = (byte & ((1u << WINDOW_LOG2) - 1u)) >> 2;
+    return table[nonuniformEXT(slot + window)].words[word];
+}
+
 // The vertex number of the draw's element `element`, before the base vertex is added.
 uint fetch_index(const Piece piece, const uint element) {
     uint e = piece.first_element + element;
     if (piece.index_slot == NONE) return e;
-    if (piece.index_bytes == 4u) return table[nonuniformEXT(piece.index_slot)].words[e];
-    uint word = table[nonuniformEXT(piece.index_slot)].words[e >> 1];
+    uint word = fetch_word(piece.index_slot, e * piece.index_bytes);
+    if (piece.index_bytes == 4u) return word;
     return (e & 1u) != 0u ? word >> 16 : word & 0xffffu;
 }
 #endif

@@ -62,9 +62,9 @@ void tw_bind_attribute(const in uint location) {
     bound_attributes[location] = Attribute(words.x, words.y, words.z);
 }
 
-// The component at `byte` of the buffer in `slot`. Components are aligned to their size.
+// The component at `byte` of the buffer from `slot` on. Components are aligned to their size.
 uint fetch_component(const uint slot, const uint component, const uint byte) {
-    uint word = table[nonuniformEXT(slot)].words[byte >> 2];
+    uint word = fetch_word(slot, byte);
     return component_value(component, component_bytes(component) == 4u ? word : word >> ((byte & 3u) * 8u));
 }
 

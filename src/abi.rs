@@ -40,6 +40,9 @@ pub const KEY_LOG2: u32 = 3;
 pub const MAX_FRAGMENT_KERNELS: u32 = 32;
 /// Lanes of a quad. They are always of one piece.
 pub const QUAD: u32 = 4;
+/// Bytes of a vertex or index buffer, as a power of two, that one slot of the resource table shows;
+/// longer buffers take several that follow each other. A binding reaches 2^27 bytes on every device.
+pub const WINDOW_LOG2: u32 = 26;
 /// Invocations of a workgroup where nothing else decides.
 pub const GROUP: u32 = 64;
 /// Vertex slots of one invocation of the vertex stage, a workgroup apart.

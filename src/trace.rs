@@ -16,8 +16,8 @@ pub type Parts = Vec<Option<Triangle>>;
 pub struct Trace {
     /// In the order of execution: batch after batch, band after band.
     pub batches: Vec<BatchTrace>,
-    /// Index and vertex buffers by their slot in the resource table.
-    pub buffers: HashMap<u32, Arc<Buffer>>,
+    /// For each resource table its index and vertex buffers, by the first of their slots.
+    pub buffers: Vec<HashMap<u32, Arc<Buffer>>>,
 }
 
 /// The intermediates of one batch in one band.
@@ -25,6 +25,8 @@ pub struct Trace {
 pub struct BatchTrace {
     /// The band.
     pub grid: Grid,
+    /// The resource table that it uses.
+    pub table: usize,
     /// Its pieces.
     pub pieces: Vec<Piece>,
     /// Number of the first piece.
@@ -46,11 +48,12 @@ pub struct BatchTrace {
 }
 
 impl Trace {
-    /// The value of the index buffer of `piece` at `element`.
-    pub fn index(&self, piece: &Piece, element: u32) -> Option<u32> {
+    /// The value of the index buffer of `piece`, which is of `batch`, at `element`.
+    pub fn index(&self, batch: &BatchTrace, piece: &Piece, element: u32) -> Option<u32> {
         let bytes = piece.index_bytes as usize;
         let at = element as usize * bytes;
-        let value = self.buffers.get(&piece.index_slot)?.bytes.get(at..at + bytes)?;
+        let value =
+            self.buffers.get(batch.table)?.get(&piece.index_slot)?.bytes.get(at..at + bytes)?;
         Some(value.iter().rev().fold(0, |all, &byte| all << 8 | u32::from(byte)))
     }
 }

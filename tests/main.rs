@@ -5,6 +5,7 @@ mod classic;
 mod cli;
 mod common;
 mod kernels;
+mod large;
 mod parity;
 mod pass;
 mod property;

@@ -42,6 +42,10 @@ impl Slots for Nowhere {
     fn push_constants(&mut self, _: &[u8]) -> Result<u32> {
         Ok(0)
     }
+
+    fn next_table(&mut self) -> Result<()> {
+        Ok(())
+    }
 }
 
 impl Counts {

@@ -61,7 +61,7 @@ pub struct Setup {
     format: Format,
     clear: clear::Values,
     has_depth: bool,
-    table: ResourceTable,
+    tables: Vec<ResourceTable>,
     buffers: Buffers,
     targets: Vec<Target>,
     kernels: PlanKernels,
@@ -145,7 +145,7 @@ impl Setup {
         renderer: &mut Renderer,
         pass: &Pass,
         plan: &Plan,
-        table: ResourceTable,
+        tables: Vec<ResourceTable>,
     ) -> Result<Setup> {
         let gpu = &renderer.gpu;
         let bands: Vec<Grid> = Grid::bands(pass.extent).collect();
@@ -204,7 +204,7 @@ impl Setup {
                 depth: pass.depth.map_or(1.0, |d| d.clear),
             },
             has_depth: pass.depth.is_some(),
-            table,
+            tables,
             buffers,
             targets: bands
                 .iter()
@@ -284,7 +284,7 @@ impl Setup {
             buffers: &self.buffers,
             target,
             pieces,
-            table: &self.table,
+            table: &self.tables[batch.table],
             width: self.gpu.limits().subgroup_size,
             push: self.push(band, batch),
         };

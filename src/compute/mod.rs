@@ -36,14 +36,15 @@ use crate::{
     error::Result,
     format::Format,
     grid::Capacities,
-    pass::{self, Executor, Frame, Pass},
+    pass::{Executor, Frame, Pass},
     plan::{IndexRanges, KernelKey, Plan},
     shader::{Shader, Stage},
     trace::Trace,
-    vk::{Gpu, ResourceTable, Resources},
+    vk::{Gpu, Resources},
 };
 use kernels::Kernels;
-use std::{collections::HashMap, sync::Arc};
+use slots::{TableSlots, Tables};
+use std::sync::Arc;
 
 /// Executes passes by compute kernels on one device; keeps kernels and uploads between passes.
 pub struct Renderer {
@@ -87,8 +88,8 @@ impl Renderer {
     /// [`crate::Error::Usage`] if the pass contradicts itself, [`crate::Error::Shader`] if a shader
     /// is out of reach, [`crate::Error::Capacity`] if something does not fit.
     pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
-        let (plan, table, _) = self.plan(pass)?;
-        frame::Setup::new(self, pass, &plan, table)?.record(self, &plan)
+        let (plan, tables) = self.plan(pass)?;
+        frame::Setup::new(self, pass, &plan, tables.tables)?.record(self, &plan)
     }
 
     /// Makes kernels that `shader` takes part in, to see whether the driver refuses any. A vertex shader
@@ -118,22 +119,18 @@ impl Renderer {
     /// # Errors
     /// Those of [`Executor::render`].
     pub fn trace(&mut self, pass: &Pass) -> Result<(Frame, Trace)> {
-        let (plan, table, buffers) = self.plan(pass)?;
-        frame::Setup::new(self, pass, &plan, table)?.trace(self, &plan, buffers)
+        let (plan, tables) = self.plan(pass)?;
+        frame::Setup::new(self, pass, &plan, tables.tables)?.trace(self, &plan, tables.buffers)
     }
 
-    fn plan(
-        &mut self,
-        pass: &Pass,
-    ) -> Result<(Plan, ResourceTable, HashMap<u32, Arc<pass::Buffer>>)> {
+    fn plan(&mut self, pass: &Pass) -> Result<(Plan, Tables)> {
         pass.validate()?;
         self.resources.trim();
-        let mut table = ResourceTable::new(&self.gpu)?;
-        let mut slots = slots::TableSlots::new(&self.gpu, &mut self.resources, &mut table);
+        let mut slots = TableSlots::new(&self.gpu, &mut self.resources)?;
         let plan = Plan::new(pass, self.limit, &mut self.ranges, &mut slots)?;
-        let buffers = slots.into_buffers();
+        let tables = slots.into_tables();
         self.resources.flush()?;
-        Ok((plan, table, buffers))
+        Ok((plan, tables))
     }
 }
 

@@ -1,7 +1,8 @@
-//! Puts the resources of a pass into the resource table.
+//! Puts the resources of a pass into resource tables.
 
 use crate::{
-    error::Result,
+    abi,
+    error::{Error, Result},
     pass::{self, Binding},
     plan::Slots,
     vk::{Buffer, Gpu, Memory, ResourceTable, Resources},
@@ -17,34 +18,62 @@ const PUSH_BLOCKS: usize = 4096;
 pub struct TableSlots<'a> {
     gpu: &'a Gpu,
     resources: &'a mut Resources,
-    table: &'a mut ResourceTable,
+    tables: Tables,
     /// Slots of push-constant blocks by content: draws often share theirs.
     pushed: HashMap<Vec<u8>, u32>,
     /// The push-constant buffer that is being filled, and the blocks in it.
     open: Option<(Buffer<u8>, usize)>,
-    /// Vertex and index buffers by slot.
-    buffers: HashMap<u32, Arc<pass::Buffer>>,
+    /// First slots of buffers that have several.
+    long: HashMap<*const pass::Buffer, u32>,
+}
+
+/// The resource tables of a pass: one, unless it binds more than that has room for.
+pub struct Tables {
+    /// In the order of [`crate::plan::BatchPlan::table`].
+    pub tables: Vec<ResourceTable>,
+    /// For each of them its vertex and index buffers by slot.
+    pub buffers: Vec<HashMap<u32, Arc<pass::Buffer>>>,
 }
 
 impl<'a> TableSlots<'a> {
-    pub fn new(
-        gpu: &'a Gpu,
-        resources: &'a mut Resources,
-        table: &'a mut ResourceTable,
-    ) -> TableSlots<'a> {
-        TableSlots {
+    pub fn new(gpu: &'a Gpu, resources: &'a mut Resources) -> Result<TableSlots<'a>> {
+        let mut slots = TableSlots {
             gpu,
             resources,
-            table,
+            tables: Tables { tables: Vec::new(), buffers: Vec::new() },
             pushed: HashMap::new(),
             open: None,
-            buffers: HashMap::new(),
-        }
+            long: HashMap::new(),
+        };
+        slots.next_table()?;
+        Ok(slots)
     }
 
-    /// Vertex and index buffers by slot.
-    pub fn into_buffers(self) -> HashMap<u32, Arc<pass::Buffer>> {
-        self.buffers
+    /// What was filled.
+    pub fn into_tables(self) -> Tables {
+        self.tables
+    }
+
+    /// The table that is being filled.
+    fn table(&mut self) -> &mut ResourceTable {
+        self.tables.tables.last_mut().expect("there is always one")
+    }
+
+    /// The first of the slots that `insert` takes for `0..count`. They follow each other, whatever is
+    /// in the table already.
+    fn consecutive(
+        &mut self,
+        count: usize,
+        mut insert: impl FnMut(&mut Self, usize) -> Result<u32>,
+    ) -> Result<u32> {
+        let mut first = None;
+        for n in 0..count {
+            self.table().forget();
+            let slot = insert(self, n)?;
+            first.get_or_insert(slot);
+        }
+        self.table().forget();
+        Ok(first.unwrap_or(0))
     }
 
     fn insert(&mut self, binding: &Binding) -> Result<u32> {
@@ -52,20 +81,20 @@ impl<'a> TableSlots<'a> {
             Binding::Uniform(range) | Binding::Storage(range) => {
                 let buffer = self.resources.buffer(&range.buffer)?;
                 let slice = buffer.slice(range.offset..range.offset + range.bytes)?;
-                self.table.insert_buffer(&slice)
+                self.table().insert_buffer(&slice)
             }
             Binding::Sampled(texture, sampler) => {
                 let image = self.resources.texture(texture)?;
                 let sampler = self.resources.sampler(sampler)?;
-                self.table.insert_sampled(&image, &sampler)
+                self.table().insert_sampled(&image, &sampler)
             }
             Binding::Texture(texture) => {
                 let image = self.resources.texture(texture)?;
-                self.table.insert_texture(&image)
+                self.table().insert_texture(&image)
             }
             Binding::Sampler(sampler) => {
                 let sampler = self.resources.sampler(sampler)?;
-                self.table.insert_sampler(&sampler)
+                self.table().insert_sampler(&sampler)
             }
         }
     }
@@ -73,9 +102,32 @@ impl<'a> TableSlots<'a> {
 
 impl Slots for TableSlots<'_> {
     fn buffer(&mut self, buffer: &Arc<pass::Buffer>) -> Result<u32> {
-        let uploaded = self.resources.buffer(buffer)?;
-        let slot = self.table.insert_buffer(&uploaded)?;
-        self.buffers.insert(slot, buffer.clone());
+        let (uploaded, window) = (self.resources.buffer(buffer)?, 1 << abi::WINDOW_LOG2);
+        if uploaded.bytes() > u64::from(u32::MAX) {
+            return Err(Error::Capacity {
+                what: format!("buffer `{}`", buffer.label),
+                wanted: uploaded.bytes(),
+                limit_of: "vertices and indices".into(),
+                limit: u32::MAX.into(),
+                advice: "spread them over several buffers and draws".into(),
+            });
+        }
+        let slot = if uploaded.len() <= window {
+            self.table().insert_buffer(&uploaded)?
+        } else if let Some(&first) = self.long.get(&Arc::as_ptr(buffer)) {
+            return Ok(first);
+        } else {
+            let windows = uploaded.len().div_ceil(window);
+            let first = self.consecutive(windows, |slots, n| {
+                let end = uploaded.len().min((n + 1) * window);
+                slots.table().insert_buffer(&uploaded.slice(n * window..end)?)
+            })?;
+            self.long.insert(Arc::as_ptr(buffer), first);
+            first
+        };
+        if let Some(buffers) = self.tables.buffers.last_mut() {
+            buffers.insert(slot, buffer.clone());
+        }
         Ok(slot)
     }
 
@@ -83,15 +135,7 @@ impl Slots for TableSlots<'_> {
         if let [one] = resources {
             return self.insert(one);
         }
-        // The elements of an array follow each other, whatever they share with other variables.
-        let mut first = None;
-        for resource in resources {
-            self.table.forget();
-            let slot = self.insert(resource)?;
-            first.get_or_insert(slot);
-        }
-        self.table.forget();
-        Ok(first.unwrap_or(0))
+        self.consecutive(resources.len(), |slots, n| slots.insert(&resources[n]))
     }
 
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32> {
@@ -107,9 +151,17 @@ impl Slots for TableSlots<'_> {
         };
         let at = used * PUSH_STRIDE;
         buffer.write(at, bytes)?;
-        let slot = self.table.insert_buffer(&buffer.slice(at..at + PUSH_STRIDE)?)?;
+        let slot = self.table().insert_buffer(&buffer.slice(at..at + PUSH_STRIDE)?)?;
         self.pushed.insert(bytes.to_vec(), slot);
         self.open = Some((buffer, used + 1));
         Ok(slot)
+    }
+
+    fn next_table(&mut self) -> Result<()> {
+        self.tables.tables.push(ResourceTable::new(self.gpu)?);
+        self.tables.buffers.push(HashMap::new());
+        self.pushed.clear();
+        self.long.clear();
+        Ok(())
     }
 }

@@ -17,7 +17,7 @@ impl Setup {
         self,
         renderer: &Renderer,
         plan: &Plan,
-        buffers: HashMap<u32, Arc<Buffer>>,
+        buffers: Vec<HashMap<u32, Arc<Buffer>>>,
     ) -> Result<(Frame, Trace)> {
         let mut trace = Trace { buffers, ..Trace::default() };
         for (band, target) in self.bands.iter().zip(self.targets()) {
@@ -49,6 +49,7 @@ impl Setup {
                 let last = first + batch.piece_count as usize;
                 trace.batches.push(BatchTrace {
                     grid: *band,
+                    table: batch.table,
                     pieces: self.pieces_of(band, plan)[first..last].to_vec(),
                     piece_first: batch.piece_first,
                     primitives: batch.primitives,

@@ -24,7 +24,17 @@ impl Planner<'_> {
                 draw.instances
             ))
         })?;
-        let Some(template) = self.template(draw, &pipeline, ways)? else { return Ok(()) };
+        let template = match self.template(draw, &pipeline, ways) {
+            Err(Error::Full(_)) if self.in_table > 0 => {
+                self.close();
+                self.slots.next_table()?;
+                (self.table, self.in_table) = (self.table + 1, 0);
+                self.template(draw, &pipeline, ways)?
+            }
+            template => template?,
+        };
+        self.in_table += 1;
+        let Some(template) = template else { return Ok(()) };
         let shared = self.shared(draw, &pipeline, template, total, ways)?;
         let mut next = 0;
         while next < total {

@@ -2,8 +2,8 @@
 //!
 //! A pass is a list of draws in API order. The planner cuts it into *pieces*, runs of consecutive
 //! primitives of one draw, and gathers pieces into *batches*, each one sweep of all stages over the
-//! tiles. A batch ends where its buffers could overflow in the worst case ([`Capacities`]), or where
-//! the way of drawing changes:
+//! tiles. A batch ends where its buffers could overflow in the worst case ([`Capacities`]), where the
+//! resource table is full and another one begins, or where the way of drawing changes:
 //!
 //! * **opaque** work (a depth comparison towards or away from the viewer with write, no blending, no
 //!   discard, no depth export, no side effects) has a result that does not depend on its order and
@@ -33,12 +33,15 @@ use std::{collections::HashMap, sync::Arc};
 
 /// Where the executor put a resource: gives the planner slots of the resource table.
 pub trait Slots {
-    /// The slot of a whole buffer, for vertices and indices.
+    /// The slot of a whole buffer, for vertices and indices; of a long one that of its first 2^
+    /// [`abi::WINDOW_LOG2`] bytes, which the slots of the others follow.
     fn buffer(&mut self, buffer: &Arc<Buffer>) -> Result<u32>;
     /// The first of consecutive slots of the elements of one shader variable.
     fn bindings(&mut self, resources: &[Binding]) -> Result<u32>;
     /// The slot of a push-constant block.
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32>;
+    /// Begins another table, which has all slots free.
+    fn next_table(&mut self) -> Result<()>;
 }
 
 /// A shader with its specialization: one kernel to build.
@@ -108,6 +111,8 @@ pub struct BatchPlan {
     pub vertex_work: Vec<VertexWork>,
     /// Indices into [`Plan::fragment_kernels`]; a piece's `fragment_kernel` counts in this list.
     pub fragment_kernels: Vec<usize>,
+    /// Which of the resource tables its slots are of.
+    pub table: usize,
 }
 
 /// A pass, ready to be recorded.
@@ -140,7 +145,16 @@ impl Plan {
         ranges: &mut IndexRanges,
         slots: &mut dyn Slots,
     ) -> Result<Plan> {
-        let mut planner = Planner { pass, limit, ranges, slots, plan: Plan::default(), open: None };
+        let mut planner = Planner {
+            pass,
+            limit,
+            ranges,
+            slots,
+            plan: Plan::default(),
+            open: None,
+            table: 0,
+            in_table: 0,
+        };
         let mut pipelines = HashMap::new();
         for draw in &pass.draws {
             let ways = match pipelines.get(&draw.pipeline) {
@@ -215,6 +229,9 @@ struct Planner<'a> {
     slots: &'a mut dyn Slots,
     plan: Plan,
     open: Option<Open>,
+    /// The table that `slots` fills, and the draws that bind something there.
+    table: usize,
+    in_table: usize,
 }
 
 impl Planner<'_> {
@@ -289,6 +306,7 @@ impl Planner<'_> {
             varying_words: open.varying_words,
             vertex_work,
             fragment_kernels: open.fragment_kernels,
+            table: self.table,
         });
     }
 

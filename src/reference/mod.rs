@@ -38,8 +38,9 @@ pub fn key(primitive: usize, part: usize) -> u32 {
 
 /// The clip-space corners of each primitive of the `number`th batch of `trace`.
 pub fn corners(trace: &Trace, number: usize) -> Vec<[[f32; 4]; 3]> {
-    let index = |piece: &Piece, element| trace.index(piece, element).unwrap_or(0);
-    let input = input(&trace.batches[number], &index);
+    let given = &trace.batches[number];
+    let index = |piece: &Piece, element| trace.index(given, piece, element).unwrap_or(0);
+    let input = input(given, &index);
     (0..input.primitives).map(|primitive| primitive::corners(&input, primitive)).collect()
 }
 
@@ -59,7 +60,7 @@ fn input<'a>(given: &'a BatchTrace, index: &'a dyn Fn(&Piece, u32) -> u32) -> In
 /// discarded any or wrote a depth of its own.
 pub fn batch(trace: &Trace, number: usize) -> BatchTrace {
     let given = &trace.batches[number];
-    let index = |piece: &Piece, element| trace.index(piece, element).unwrap_or(0);
+    let index = |piece: &Piece, element| trace.index(given, piece, element).unwrap_or(0);
     let input = input(given, &index);
     let triangles = primitive::run(&input);
     let cells = binning::run(input.grid, &triangles);

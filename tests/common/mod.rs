@@ -72,12 +72,12 @@ pub fn on_each_gpu(name: &str, case: impl Fn(&Gpu)) {
 
 /// Opens a device with validation, and without the user's pipeline cache.
 pub fn open(device: &str) -> TestGpu {
-    let options = GpuOptions {
-        device: Some(device.into()),
-        validation: true,
-        cache: None,
-        ..GpuOptions::default()
-    };
+    open_with(GpuOptions { device: Some(device.into()), ..GpuOptions::default() })
+}
+
+/// As [`open`], with options of the test's own.
+pub fn open_with(options: GpuOptions) -> TestGpu {
+    let options = GpuOptions { validation: true, cache: None, ..options };
     TestGpu(Gpu::open(&options).unwrap_or_else(|e| panic!("{e}")), false)
 }
 
