@@ -1,9 +1,9 @@
 #version 450
 // Writes the id of the primitive into the four bytes of an RGBA8 UNORM target, least significant
-// first. ID_SET and ID_BINDING are a place that the vertex shader beside it leaves free.
+// first. ID_OFFSET is where the push constants of the vertex shader beside it end.
 
-layout(set = ID_SET, binding = ID_BINDING, std140) uniform Ids {
-    uint first_id;
+layout(push_constant) uniform Ids {
+    layout(offset = ID_OFFSET) uint first_id;
 };
 
 layout(location = 0) out vec4 id_bytes;

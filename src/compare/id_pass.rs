@@ -9,28 +9,20 @@
 //!   user's fragment shader: the id pass asks about geometry.
 //! * `gl_PrimitiveID` restarts with each instance and a fragment shader cannot see the instance, so
 //!   an instanced draw becomes one draw per instance.
-//! * The first id of a draw reaches the shader through a uniform block. Push constants were the
-//!   alternative: they need no buffer, but 128 bytes are all that every device has, and a vertex
-//!   shader may use all of them. The block sits in the first descriptor set that the vertex shader
-//!   leaves free, or, since devices may have no more than four sets, beside its bindings in the
-//!   last one.
+//! * The first id of a draw reaches the shader as a push constant, after those of the vertex shader. A
+//!   uniform block was the alternative: it would take a descriptor set for each draw, of which drivers
+//!   do not have a hundred thousand.
 
 use crate::{
     error::{Error, Result},
     format::Format,
-    pass::{Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Pass, Pipeline},
+    pass::{Draw, Pass, Pipeline},
     shader::{Shader, Stage},
     target::ColorTarget,
 };
 use std::{collections::HashMap, sync::Arc};
 
 const ID_SHADER: &str = include_str!("../../glsl/compare/id.frag");
-
-/// Descriptor sets that every Vulkan device has.
-const SETS: u32 = 4;
-
-/// Bytes from one draw's block to the next: the largest alignment Vulkan lets a device ask for.
-const BLOCK_STRIDE: usize = 256;
 
 /// An id pass, and what its ids mean.
 #[derive(Clone, Debug)]
@@ -64,35 +56,21 @@ impl IdPass {
     }
 }
 
-/// A free place for the id block.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-struct Place {
-    set: u32,
-    binding: u32,
-}
-
 /// Makes the id pass of `pass`.
 ///
 /// # Errors
 /// [`Error::Usage`] for a draw of a pipeline that does not exist; [`Error::Capacity`] if the pass
 /// has more primitives than there are ids; [`Error::Shader`] if the id shader does not compile.
 pub fn id_pass(pass: &Pass) -> Result<IdPass> {
-    let places: Vec<Place> = pass.pipelines.iter().map(|pipeline| free_place(pipeline)).collect();
     let ranges = ranges(pass)?;
-    let blocks = Arc::new(first_id_blocks(&ranges));
-    let mut draws = Vec::with_capacity(ranges.len());
-    for (i, range) in ranges.iter().enumerate() {
-        let draw = &pass.draws[range.draw];
-        let block =
-            BufferRange { buffer: blocks.clone(), offset: i * BLOCK_STRIDE, bytes: BLOCK_STRIDE };
-        draws.push(id_draw(pass, draw, range.instance, places[draw.pipeline], block));
-    }
+    let draws = ranges.iter().map(|range| id_draw(pass, range)).collect();
     let mut shaders = HashMap::new();
     let mut pipelines = Vec::with_capacity(pass.pipelines.len());
-    for (pipeline, place) in pass.pipelines.iter().zip(places) {
-        let shader = match shaders.get(&place) {
+    for pipeline in &pass.pipelines {
+        let offset = id_offset(pipeline);
+        let shader = match shaders.get(&offset) {
             Some(shader) => Arc::clone(shader),
-            None => shaders.entry(place).or_insert(Arc::new(id_shader(place)?)).clone(),
+            None => shaders.entry(offset).or_insert(Arc::new(id_shader(offset)?)).clone(),
         };
         pipelines.push(Arc::new(id_pipeline(pipeline, shader)));
     }
@@ -142,31 +120,13 @@ fn ranges(pass: &Pass) -> Result<Vec<IdRange>> {
     Ok(ranges)
 }
 
-fn first_id_blocks(ranges: &[IdRange]) -> Buffer {
-    let mut bytes = vec![0; ranges.len() * BLOCK_STRIDE];
-    for (block, range) in bytes.chunks_exact_mut(BLOCK_STRIDE).zip(ranges) {
-        block[..4].copy_from_slice(&range.first_id.to_ne_bytes());
-    }
-    Buffer { label: "first ids".into(), bytes }
+/// Where the first id lies among the push constants.
+fn id_offset(pipeline: &Pipeline) -> usize {
+    pipeline.vertex.reflection.push_constant_bytes.next_multiple_of(4) as usize
 }
 
-fn free_place(pipeline: &Pipeline) -> Place {
-    let used = &pipeline.vertex.reflection.resources;
-    match (0..SETS).find(|&set| used.iter().all(|resource| resource.set != set)) {
-        Some(set) => Place { set, binding: 0 },
-        None => {
-            let set = SETS - 1;
-            let bindings = used.iter().filter(|resource| resource.set == set);
-            let binding = bindings.map(|resource| resource.binding + 1).max().unwrap_or(0);
-            Place { set, binding }
-        }
-    }
-}
-
-fn id_shader(place: Place) -> Result<Shader> {
-    let source = ID_SHADER
-        .replace("ID_SET,", &format!("{},", place.set))
-        .replace("ID_BINDING,", &format!("{},", place.binding));
+fn id_shader(offset: usize) -> Result<Shader> {
+    let source = ID_SHADER.replace("ID_OFFSET)", &format!("{offset})"));
     Shader::from_glsl(Stage::Fragment, "compare/id.frag", &source)
 }
 
@@ -184,26 +144,15 @@ fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
     }
 }
 
-fn id_draw(pass: &Pass, draw: &Draw, instance: u32, place: Place, block: BufferRange) -> Draw {
-    let mut sets = draw.sets.clone();
-    let slot = place.set as usize;
-    sets.resize_with(sets.len().max(slot + 1), Arc::default);
-    let id_entry =
-        BindingEntry { binding: place.binding, resources: vec![Binding::Uniform(block)] };
-    let vertex = &pass.pipelines[draw.pipeline].vertex.reflection;
-    let kept = sets[slot].entries.iter().filter(|entry| {
-        let slot = (place.set, entry.binding);
-        vertex.resources.iter().any(|resource| (resource.set, resource.binding) == slot)
-    });
-    sets[slot] = Arc::new(BindingSet { entries: kept.cloned().chain([id_entry]).collect() });
-
+fn id_draw(pass: &Pass, range: &IdRange) -> Draw {
+    let draw = &pass.draws[range.draw];
     let mut push_constants = draw.push_constants.clone();
-    push_constants.truncate(vertex.push_constant_bytes as usize);
+    push_constants.resize(id_offset(&pass.pipelines[draw.pipeline]), 0);
+    push_constants.extend_from_slice(&range.first_id.to_ne_bytes());
     Draw {
-        sets,
         push_constants,
         instances: 1,
-        first_instance: draw.first_instance + instance,
+        first_instance: draw.first_instance + range.instance,
         ..draw.clone()
     }
 }
@@ -213,28 +162,16 @@ mod tests {
     use super::*;
     use crate::{
         image::Extent,
-        shader::{Reflection, Resource, ResourceKind},
+        shader::Reflection,
         state::{Blend, Cull, DepthState, FrontFace, Topology},
     };
 
-    fn pipeline(bindings: &[(u32, u32)], topology: Topology, blend: Option<Blend>) -> Pipeline {
-        let resource = |&(set, binding): &(u32, u32)| Resource {
-            set,
-            binding,
-            kind: ResourceKind::Uniform,
-            count: 1,
-            bytes: 16,
-            image: None,
-        };
+    fn pipeline(topology: Topology, blend: Option<Blend>) -> Pipeline {
         let shader = |stage| Shader {
             label: String::new(),
             stage,
             spirv: Vec::new(),
-            reflection: Reflection {
-                resources: bindings.iter().map(resource).collect(),
-                push_constant_bytes: 8,
-                ..Reflection::default()
-            },
+            reflection: Reflection { push_constant_bytes: 8, ..Reflection::default() },
         };
         Pipeline {
             label: "p".into(),
@@ -265,10 +202,7 @@ mod tests {
     #[test]
     fn ids_are_unique_over_draws_instances_and_primitives() {
         let pass = pass(
-            vec![
-                pipeline(&[], Topology::TriangleList, None),
-                pipeline(&[], Topology::TriangleStrip, None),
-            ],
+            vec![pipeline(Topology::TriangleList, None), pipeline(Topology::TriangleStrip, None)],
             vec![
                 Draw { instances: 3, first_instance: 5, ..Draw::new(0, 7) }, // 2 triangles each
                 Draw::new(0, 2),                                             // none
@@ -290,51 +224,22 @@ mod tests {
     }
 
     #[test]
-    fn each_draw_reads_its_first_id_beside_what_its_vertex_shader_reads() {
-        let own = Arc::new(Buffer { label: "own".into(), bytes: vec![0; 64] });
-        let entry = |binding| BindingEntry {
-            binding,
-            resources: vec![Binding::Uniform(BufferRange::whole(&own))],
-        };
-        let set = Arc::new(BindingSet { entries: vec![entry(0), entry(4)] });
-        // All four sets are taken, and the last one's bindings 0 and 1.
-        let taken = [(0, 0), (1, 0), (2, 0), (3, 0), (3, 1)];
-        for (bindings, free, kept) in
-            [(&taken[..], (3, 2), vec![0]), (&taken[..2], (2, 0), vec![]), (&[], (0, 0), vec![])]
-        {
-            let mut draw = Draw::new(0, 3);
-            draw.sets = vec![set.clone(); 4];
-            draw.push_constants = vec![0; 32];
-            let pass = pass(
-                vec![pipeline(bindings, Topology::TriangleList, None)],
-                vec![draw.clone(), draw],
-            );
-            let ids = id_pass(&pass).unwrap();
-            let resource = ids.pass.pipelines[0].fragment.reflection.resources[0];
-            assert_eq!((resource.set, resource.binding), free);
-            let second = &ids.pass.draws[1];
-            assert_eq!(
-                second.push_constants.len(),
-                8,
-                "what only the fragment shader read is gone"
-            );
-            let entries = &second.sets[free.0 as usize].entries;
-            let bindings: Vec<_> = entries.iter().map(|entry| entry.binding).collect();
-            assert_eq!(bindings, [kept, vec![free.1]].concat());
-            let Binding::Uniform(block) = &entries.last().unwrap().resources[0] else {
-                panic!("the id block is a uniform block");
-            };
-            assert_eq!(block.offset % 256, 0);
-            assert_eq!(block.buffer.bytes[block.offset..block.offset + 4], 2u32.to_ne_bytes());
-        }
+    fn each_draw_pushes_its_first_id_after_what_its_vertex_shader_reads() {
+        let mut draw = Draw::new(0, 3);
+        draw.push_constants = vec![7; 32];
+        let pipelines = vec![pipeline(Topology::TriangleList, None)];
+        let ids = id_pass(&pass(pipelines, vec![draw.clone(), draw])).unwrap();
+        assert_eq!(ids.pass.pipelines[0].fragment.reflection.push_constant_bytes, 12);
+        let second = &ids.pass.draws[1];
+        assert_eq!(second.push_constants, [[7; 8].as_slice(), &2u32.to_ne_bytes()].concat());
     }
 
     #[test]
     fn blended_draws_become_opaque_and_write_depth() {
         let pass = pass(
             vec![
-                pipeline(&[], Topology::TriangleList, Some(Blend::ALPHA)),
-                pipeline(&[], Topology::TriangleList, None),
+                pipeline(Topology::TriangleList, Some(Blend::ALPHA)),
+                pipeline(Topology::TriangleList, None),
             ],
             vec![Draw::new(0, 3), Draw::new(1, 3)],
         );
@@ -347,7 +252,7 @@ mod tests {
     #[test]
     fn more_primitives_than_ids_is_a_capacity_error() {
         let pass = pass(
-            vec![pipeline(&[], Topology::TriangleList, None)],
+            vec![pipeline(Topology::TriangleList, None)],
             vec![Draw { instances: 3, ..Draw::new(0, u32::MAX) }],
         );
         assert_eq!(
