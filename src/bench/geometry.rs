@@ -1,6 +1,6 @@
 //! The geometry of generated scenes: meshes, where they stand, and who looks at them.
 
-use super::recipe::{MOST_TRIANGLES, Order, Recipe, Shape};
+use super::recipe::{Order, Recipe, Shape};
 use crate::{image::Extent, random::Random, scene::Camera};
 use glam::{Mat4, Quat, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
@@ -233,10 +233,9 @@ fn knot(count: u32, extent: Extent) -> Model {
     seen(vec![mesh], vec![object], &camera, extent)
 }
 
-/// The part of a ball between two of its latitudes, of about `count` triangles, with a relief of
-/// `ripple`.
-fn rippled(count: u32, ripple: f32, [from, to]: [f32; 2]) -> Mesh {
-    let rows = ((count as f32 * (to - from) / 4.0).sqrt() as u32).max(3);
+/// A ball of about `count` triangles with a relief of `ripple`.
+fn rippled(count: u32, ripple: f32) -> Mesh {
+    let rows = ((count as f32 / 4.0).sqrt() as u32).max(3);
     let columns = (count / 2 / rows).max(3);
     let radius = |u: f32, v: f32| 1.0 + ripple * ((u * TAU * 12.0).sin() * (v * PI * 12.0).sin());
     let place = |u: f32, v: f32| {
@@ -244,7 +243,6 @@ fn rippled(count: u32, ripple: f32, [from, to]: [f32; 2]) -> Mesh {
         Vec3::new(c * sin, -cos, -s * sin) * radius(u, v)
     };
     grid(columns, rows, |u, v| {
-        let v = from + (to - from) * v;
         let position = place(u, v);
         // At the poles one of the differences is nothing.
         let (du, dv) = (1e-3, 1e-3);
@@ -255,16 +253,12 @@ fn rippled(count: u32, ripple: f32, [from, to]: [f32; 2]) -> Mesh {
     })
 }
 
-/// A ball in as many parts as buffers of [`MOST_TRIANGLES`] take.
+/// A ball, one mesh whatever its size.
 fn ball(count: u32, extent: Extent) -> Model {
-    let parts = count.div_ceil(MOST_TRIANGLES).max(1);
-    let latitude = |part: u32| part as f32 / parts as f32;
-    let mesh = |part| rippled(count / parts, 0.04, [latitude(part), latitude(part + 1)]);
     let object =
-        |mesh| Object { mesh, model: Mat4::IDENTITY, tint: [0.6, 0.8, 0.9], kind: Kind::Solid };
+        Object { mesh: 0, model: Mat4::IDENTITY, tint: [0.6, 0.8, 0.9], kind: Kind::Solid };
     let camera = Camera::look_at(Vec3::new(0.0, 0.8, 2.9), Vec3::ZERO, Vec3::Y, 0.8);
-    let objects = (0..parts as usize).map(object).collect();
-    seen((0..parts).map(mesh).collect(), objects, &camera, extent)
+    seen(vec![rippled(count, 0.04)], vec![object], &camera, extent)
 }
 
 /// `draws` balls, all of `count` triangles together, in the view and partly behind one another.
@@ -285,7 +279,7 @@ fn crowd(count: u32, draws: u32, extent: Extent) -> Model {
         Object { mesh: 0, model, tint: tint(&mut random), kind: Kind::Solid }
     };
     let objects = (0..draws).map(object).collect();
-    seen(vec![rippled(count / draws, 0.0, [0.0, 1.0])], objects, &camera, extent)
+    seen(vec![rippled(count / draws, 0.0)], objects, &camera, extent)
 }
 
 /// Needles from point to point on the screen, a pixel wide at one end.
