@@ -22,6 +22,12 @@ pub mod splice;
 mod stored;
 mod usage;
 
+/// What tests of kernels elsewhere need of those here.
+#[cfg(all(test, feature = "glsl"))]
+pub(crate) mod testing {
+    pub use super::{compile::tests::kernel, splice::tests::complaint};
+}
+
 use crate::{Error, Result};
 #[cfg(feature = "glsl")]
 use std::path::Path;

@@ -39,6 +39,8 @@ pub(crate) struct RawBuffer {
     pub name: String,
     /// Bytes of the Vulkan buffer.
     pub size: u64,
+    /// Where the device sees it, if kernels read blocks by address, or 0.
+    pub address: vk::DeviceAddress,
     memory: Memory,
     allocation: Option<Allocation>,
     gpu: Arc<Shared>,
@@ -66,6 +68,10 @@ impl<T: Pod> Buffer<T> {
             ));
         }
         let shared = gpu.0.clone();
+        let addressed = match shared.addresses {
+            true => vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
+            false => vk::BufferUsageFlags::empty(),
+        };
         let info = vk::BufferCreateInfo::default()
             .size(size)
             .usage(
@@ -75,7 +81,8 @@ impl<T: Pod> Buffer<T> {
                     | vk::BufferUsageFlags::INDEX_BUFFER
                     | vk::BufferUsageFlags::INDIRECT_BUFFER
                     | vk::BufferUsageFlags::TRANSFER_SRC
-                    | vk::BufferUsageFlags::TRANSFER_DST,
+                    | vk::BufferUsageFlags::TRANSFER_DST
+                    | addressed,
             )
             .sharing_mode(vk::SharingMode::EXCLUSIVE);
         // SAFETY: the device is alive.
@@ -86,6 +93,7 @@ impl<T: Pod> Buffer<T> {
             handle,
             name: name.to_string(),
             size,
+            address: 0,
             memory,
             allocation: None,
             gpu: shared.clone(),
@@ -106,6 +114,10 @@ impl<T: Pod> Buffer<T> {
                 .device
                 .bind_buffer_memory(handle, memory, offset)
                 .map_err(|e| shared.failure(&format!("binding memory of buffer `{name}`"), e))?;
+            if shared.addresses {
+                let info = vk::BufferDeviceAddressInfo::default().buffer(handle);
+                raw.address = shared.device.get_buffer_device_address(&info);
+            }
         }
         shared.set_name(handle, name);
         Ok(Self { raw: Arc::new(raw), offset: 0, len, element: PhantomData })

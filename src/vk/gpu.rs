@@ -104,6 +104,8 @@ pub(crate) struct Shared {
     pub info: DeviceInfo,
     pub limits: Limits,
     pub graphics: bool,
+    /// Whether kernels read blocks by address (`address.rs`).
+    pub addresses: bool,
     pub derivatives: bool,
     pub int64_atomics: bool,
     pub unified_memory: bool,
@@ -164,12 +166,15 @@ impl Gpu {
             .map_err(|e| describe(&info.name, "opening it", e))?;
         // SAFETY: one queue of `family` was created with the device.
         let queue = unsafe { device.get_device_queue(family, 0) };
+        // Other drivers read storage blocks as well, and check bounds.
+        let addresses = probe.features12.buffer_device_address == vk::TRUE
+            && probe.vulkan12.driver_id == vk::DriverId::MESA_LLVMPIPE;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.raw.clone(),
             device: device.clone(),
             physical_device: physical,
             debug_settings: Default::default(),
-            buffer_device_address: false,
+            buffer_device_address: addresses,
             // Small blocks: CPU drivers commit memory that is merely reserved.
             allocation_sizes: AllocationSizes::new(32 << 20, 16 << 20),
         });
@@ -196,6 +201,7 @@ impl Gpu {
                 ns_per_tick: f64::from(probe.properties.limits.timestamp_period),
                 mask: u64::MAX >> (64 - bits.min(64)),
             }),
+            addresses,
             timeout: options.timeout,
             push_constant_bytes: probe.properties.limits.max_push_constants_size,
             draw_limits: DrawLimits {

@@ -1,10 +1,11 @@
 //! Kernels: SPIR-V, what it binds by name, and the pipeline.
 
 use super::{
+    address,
     capability::{has_compute_derivatives, missing_feature},
     gpu::{Gpu, Shared},
     instance::WITH_DERIVATIVES,
-    reflect::{BindingKind, BlockBinding, KernelReflection, reflect},
+    reflect::{BlockBinding, KernelReflection, reflect},
 };
 use crate::error::{Error, Result};
 use ash::vk;
@@ -64,10 +65,18 @@ impl Kernel {
                 specialized.insert(id, *value);
             }
         }
-        let reflection = reflect(info.spirv, &specialized).map_err(fault)?;
+        let mut reflection = reflect(info.spirv, &specialized).map_err(fault)?;
         check_limits(gpu, info, &reflection).map_err(fault)?;
 
         let shared = gpu.0.clone();
+        let addressed = match shared.addresses {
+            true => address::lower(info.spirv).map_err(fault)?,
+            false => None,
+        };
+        if let Some(addressed) = &addressed {
+            reflection.replaced(addressed);
+        }
+        let spirv = addressed.as_ref().map_or(info.spirv, |addressed| &addressed.spirv);
         // From here on `raw` destroys what exists if anything fails.
         let mut raw = RawKernel {
             name: info.name.to_string(),
@@ -78,7 +87,7 @@ impl Kernel {
             gpu: shared.clone(),
         };
         raw.create_layouts()?;
-        raw.create_pipeline(info, &specialized)?;
+        raw.create_pipeline(spirv, info, &specialized)?;
         shared.set_name(raw.pipeline, info.name);
         Ok(Self(Arc::new(raw)))
     }
@@ -100,7 +109,7 @@ impl Kernel {
 
     /// Whether it uses the resource table.
     pub fn uses_table(&self) -> bool {
-        self.0.reflection.uses_table
+        self.0.reflection.uses_table || self.0.reflection.table_address
     }
 
     /// Bytes of its push constants.
@@ -165,12 +174,11 @@ impl RawKernel {
     fn create_layouts(&mut self) -> Result<()> {
         let bindings: Vec<_> = self
             .reflection
-            .bindings
-            .iter()
-            .map(|b| {
+            .descriptors()
+            .map(|(binding, kind)| {
                 vk::DescriptorSetLayoutBinding::default()
-                    .binding(b.binding)
-                    .descriptor_type(descriptor_type(b.kind))
+                    .binding(binding)
+                    .descriptor_type(kind)
                     .descriptor_count(1)
                     .stage_flags(vk::ShaderStageFlags::COMPUTE)
             })
@@ -198,11 +206,12 @@ impl RawKernel {
 
     fn create_pipeline(
         &mut self,
+        spirv: &[u32],
         info: &KernelInfo<'_>,
         specialized: &HashMap<u32, u32>,
     ) -> Result<()> {
         let what = format!("compiling kernel `{}`", self.name);
-        let module_info = vk::ShaderModuleCreateInfo::default().code(info.spirv);
+        let module_info = vk::ShaderModuleCreateInfo::default().code(spirv);
         // SAFETY: reflection parsed the module; the driver validates no further, which is why
         // kernels come from our compiler and splicer only.
         let module = unsafe { self.gpu.device.create_shader_module(&module_info, None) }
@@ -251,13 +260,6 @@ impl RawKernel {
         };
         self.pipeline = created.map_err(|(_, e)| self.gpu.failure(&what, e))?[0];
         Ok(())
-    }
-}
-
-pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
-    match kind {
-        BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
-        BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
     }
 }
 

@@ -28,6 +28,7 @@
 //!
 //! This module and `classic` are the only ones that contain `unsafe` or know Vulkan's types.
 
+mod address;
 mod buffer;
 mod cache;
 mod capability;

@@ -11,10 +11,10 @@ use super::{
     buffer::{Buffer, Memory, RawBuffer},
     gpu::Gpu,
     image::Image,
-    kernel::{Kernel, descriptor_type},
+    kernel::Kernel,
     recording::{Commands, Recording, Timings},
     reflect::BindingKind,
-    table::{ResourceTable, check_binding},
+    table::{RawTable, ResourceTable, check_binding},
 };
 use crate::error::{Error, Result};
 use ash::vk;
@@ -36,7 +36,7 @@ pub struct Dispatch<'r> {
     kernel: Kernel,
     label: Option<String>,
     bound: Vec<Bound>,
-    table: Option<(vk::DescriptorSet, Arc<dyn std::any::Any + Send + Sync>)>,
+    table: Option<Arc<RawTable>>,
     push: Vec<u8>,
     /// The first fault; reported by `dispatch`, so that the chain of calls stays a sentence.
     fault: Option<Error>,
@@ -287,7 +287,11 @@ impl Dispatch<'_> {
         if self.bound.iter().any(|b| b.binding == block.binding) {
             return fault(format!("has `{name}` bound twice"));
         }
-        let (offset, bytes) = check_binding(&self.recorder.gpu, buffer)?;
+        let (offset, bytes) = match block.kind {
+            // What is read by address has no limits of its own.
+            BindingKind::Address(_) => (buffer.offset(), buffer.descriptor_bytes()),
+            _ => check_binding(&self.recorder.gpu, buffer)?,
+        };
         self.bound.push(Bound {
             binding: block.binding,
             kind: block.kind,
@@ -300,7 +304,7 @@ impl Dispatch<'_> {
 
     /// Binds the resource table.
     pub fn table(mut self, table: &ResourceTable) -> Self {
-        self.table = Some((table.raw().set, table.raw().clone()));
+        self.table = Some(table.raw().clone());
         self
     }
 
@@ -365,9 +369,9 @@ impl Dispatch<'_> {
         recorder.barrier();
         recorder.commands.begin_stage(&label)?;
         let mut sets = vec![set];
-        if let Some((table, keep)) = table.filter(|_| raw.reflection.uses_table) {
-            sets.push(table);
-            recorder.commands.keep(keep);
+        if let Some(table) = table {
+            sets.extend(raw.reflection.uses_table.then_some(table.set));
+            recorder.commands.keep(table);
         }
         let (device, cmd) = (&recorder.gpu.0.device, recorder.commands.raw);
         let point = vk::PipelineBindPoint::COMPUTE;
@@ -405,7 +409,7 @@ impl Dispatch<'_> {
         if let Some(open) = r.bindings.iter().find(|b| !is_bound(b.binding)) {
             return fault(format!("has nothing bound to `{}`", open.name));
         }
-        if r.uses_table && self.table.is_none() {
+        if (r.uses_table || r.table_address) && self.table.is_none() {
             return fault("has no resource table bound".into());
         }
         if self.push.len() != r.push_constant_bytes as usize {
@@ -420,31 +424,46 @@ impl Dispatch<'_> {
 
     fn descriptor_set(&mut self) -> Result<vk::DescriptorSet> {
         let layout = self.kernel.0.set_layout;
-        let set = self.recorder.commands.descriptor_set(layout, self.bound.len() as u32)?;
-        let infos: Vec<_> = self
-            .bound
+        let addresses = self.addresses()?;
+        let info = |buffer: &RawBuffer, offset, bytes| {
+            [vk::DescriptorBufferInfo { buffer: buffer.handle, offset, range: bytes }]
+        };
+        let found = self.kernel.0.reflection.descriptors().filter_map(|(binding, kind)| {
+            let bound = self.bound.iter().find(|b| b.binding == binding);
+            let of_bound = bound.map(|b| info(&b.buffer, b.offset, b.bytes));
+            let of_addresses = || addresses.as_ref().map(|a| info(a.raw(), a.offset(), a.bytes()));
+            Some((binding, kind, of_bound.or_else(of_addresses)?))
+        });
+        let found: Vec<_> = found.collect();
+        let set = self.recorder.commands.descriptor_set(layout, found.len() as u32)?;
+        let writes: Vec<_> = found
             .iter()
-            .map(|b| {
-                [vk::DescriptorBufferInfo::default()
-                    .buffer(b.buffer.handle)
-                    .offset(b.offset)
-                    .range(b.bytes)]
-            })
-            .collect();
-        let writes: Vec<_> = self
-            .bound
-            .iter()
-            .zip(&infos)
-            .map(|(b, info)| {
+            .map(|(binding, kind, info)| {
                 vk::WriteDescriptorSet::default()
                     .dst_set(set)
-                    .dst_binding(b.binding)
-                    .descriptor_type(descriptor_type(b.kind))
+                    .dst_binding(*binding)
+                    .descriptor_type(*kind)
                     .buffer_info(info)
             })
             .collect();
         // SAFETY: the set is new, so that no submission uses it; the buffers are kept by `record`.
         unsafe { self.recorder.gpu.0.device.update_descriptor_sets(&writes, &[]) };
         Ok(set)
+    }
+
+    /// The block of addresses that the kernel reads.
+    fn addresses(&mut self) -> Result<Option<Buffer<u64>>> {
+        let Some((_, count)) = self.kernel.0.reflection.addresses else { return Ok(None) };
+        let mut list = vec![0; count as usize];
+        for b in &self.bound {
+            if let BindingKind::Address(n) = b.kind {
+                list[n as usize] = b.buffer.address + b.offset;
+            }
+        }
+        if self.kernel.0.reflection.table_address {
+            let table = self.table.as_ref().and_then(|table| table.addresses.as_ref());
+            list[count as usize - 1] = table.map_or(0, |t| t.raw().address + t.offset());
+        }
+        self.recorder.commands.constants(&list).map(Some)
     }
 }

@@ -1,6 +1,10 @@
 //! Command buffers with all they need, from the first command to the fence.
 
-use super::{gpu::Gpu, image::RawImage};
+use super::{
+    buffer::{Buffer, Memory},
+    gpu::Gpu,
+    image::RawImage,
+};
 use crate::error::{Error, Result};
 use ash::vk;
 use std::{any::Any, ffi::CString, sync::Arc, sync::atomic::Ordering};
@@ -20,6 +24,8 @@ pub(crate) struct Commands {
     queries: u32,
     pub time_stages: bool,
     stages: Vec<Stage>,
+    /// The buffer of constants that is being filled, and how far.
+    constants: Option<(Buffer<u64>, usize)>,
 }
 
 /// A dispatch that is timed.
@@ -51,6 +57,9 @@ const POOL_SETS: u32 = 128;
 const POOL_DESCRIPTORS: u32 = 1024;
 /// Timestamps of one query pool.
 const QUERIES: u32 = 256;
+/// Words of one buffer of constants, and the largest alignment that a device asks for.
+const CONSTANTS: usize = 4096;
+const CONSTANTS_ALIGNMENT: usize = 256 / 8;
 
 impl Commands {
     pub fn new(gpu: &Gpu, label: &str) -> Result<Self> {
@@ -72,6 +81,7 @@ impl Commands {
             queries: 0,
             time_stages: false,
             stages: Vec::new(),
+            constants: None,
         };
         let info =
             vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
@@ -88,6 +98,22 @@ impl Commands {
             commands.timestamp(start);
         }
         Ok(commands)
+    }
+
+    /// A slice of a buffer of the recording that holds `words` and may be bound as a uniform block.
+    pub fn constants(&mut self, words: &[u64]) -> Result<Buffer<u64>> {
+        let (buffer, used) = match self.constants.take() {
+            Some((buffer, used)) if used + words.len() <= buffer.len() => (buffer, used),
+            _ => {
+                let buffer = Buffer::new(&self.gpu, "constants", CONSTANTS, Memory::Upload)?;
+                self.keep(buffer.raw().clone());
+                (buffer, 0)
+            }
+        };
+        buffer.write(used, words)?;
+        let slice = buffer.slice(used..used + words.len());
+        self.constants = Some((buffer, used + words.len().next_multiple_of(CONSTANTS_ALIGNMENT)));
+        slice
     }
 
     /// Holds `what` until the recording is dropped.

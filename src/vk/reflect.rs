@@ -1,5 +1,7 @@
 //! What a kernel binds, read from its SPIR-V, so that no binding number is ever typed twice.
 
+use super::address::Addressed;
+use ash::vk;
 use rspirv::{
     dr::{self, Operand},
     spirv::{BuiltIn, Decoration, ExecutionMode, Op, StorageClass, Word},
@@ -11,6 +13,8 @@ use std::collections::HashMap;
 pub(super) enum BindingKind {
     Storage,
     Uniform,
+    /// By address, with its number in the block of addresses.
+    Address(u32),
 }
 
 /// One block of descriptor set 0.
@@ -31,10 +35,42 @@ pub(super) struct KernelReflection {
     pub bindings: Vec<BlockBinding>,
     /// Whether it uses the resource table, set 1.
     pub uses_table: bool,
+    /// Binding of the block of addresses, if it has one, and how many there are; the last may be that of
+    /// the table of addresses.
+    pub addresses: Option<(u32, u32)>,
+    pub table_address: bool,
     pub push_constant_bytes: u32,
     pub workgroup: [u32; 3],
     /// Specialization constants: name, id and size in bytes (booleans have 4).
     pub constants: Vec<(String, u32)>,
+}
+
+impl KernelReflection {
+    /// The descriptors of set 0: bindings and types.
+    pub fn descriptors(&self) -> impl Iterator<Item = (u32, vk::DescriptorType)> {
+        let of = |b: &BlockBinding| match b.kind {
+            BindingKind::Storage => Some((b.binding, vk::DescriptorType::STORAGE_BUFFER)),
+            BindingKind::Uniform => Some((b.binding, vk::DescriptorType::UNIFORM_BUFFER)),
+            BindingKind::Address(_) => None,
+        };
+        let addresses = self.addresses.iter();
+        let addresses =
+            addresses.map(|&(binding, _)| (binding, vk::DescriptorType::UNIFORM_BUFFER));
+        self.bindings.iter().filter_map(of).chain(addresses)
+    }
+
+    /// Notes which blocks were replaced by addresses.
+    pub fn replaced(&mut self, addressed: &Addressed) {
+        for (n, binding) in addressed.blocks.iter().enumerate() {
+            if let Some(block) = self.bindings.iter_mut().find(|b| b.binding == *binding) {
+                block.kind = BindingKind::Address(n as u32);
+            }
+        }
+        let count = addressed.blocks.len() as u32 + u32::from(addressed.table);
+        self.addresses = Some((addressed.binding, count));
+        self.table_address = addressed.table;
+        self.uses_table = addressed.uses_table;
+    }
 }
 
 /// Reads a kernel whose specialization constants have the values `specialized` (by id).

@@ -10,7 +10,7 @@
 //! that are free show a 1x1 image or a small buffer of zeros.
 
 use super::{
-    buffer::{Buffer, RawBuffer},
+    buffer::{Buffer, Memory, RawBuffer},
     error::capacity,
     gpu::{Gpu, Shared},
     image::{Image, ImageInfo, ImageUse},
@@ -156,6 +156,8 @@ type Key = (u32, u64, u64, u64, u64);
 pub(super) struct RawTable {
     pub set: vk::DescriptorSet,
     pool: vk::DescriptorPool,
+    /// Where the buffers are, by slot, if kernels read them by address.
+    pub addresses: Option<Buffer<u64>>,
     /// Everything a slot may show.
     keep: Mutex<Vec<Arc<dyn Any + Send + Sync>>>,
     gpu: Gpu,
@@ -184,6 +186,7 @@ impl ResourceTable {
         let mut raw = RawTable {
             set: vk::DescriptorSet::null(),
             pool,
+            addresses: None,
             keep: Mutex::default(),
             gpu: gpu.clone(),
         };
@@ -193,6 +196,11 @@ impl ResourceTable {
         // SAFETY: the pool has room for exactly this set.
         raw.set = unsafe { gpu.0.device.allocate_descriptor_sets(&info) }
             .map_err(|e| gpu.failure("allocating the resource table", e))?[0];
+
+        if gpu.0.addresses {
+            let count = gpu.0.table_sizes.buffers as usize;
+            raw.addresses = Some(Buffer::new(gpu, "buffer addresses", count, Memory::Upload)?);
+        }
 
         let one = |name, usage| {
             let extent = Extent::new(1, 1);
@@ -221,19 +229,20 @@ impl ResourceTable {
         table.keep(table.dummy_sampled.0.clone());
         table.keep(table.dummy_storage.0.clone());
         for (binding, count) in gpu.0.table_sizes.by_binding().into_iter().enumerate() {
-            table.fill(binding as u32, 0, count);
+            table.fill(binding as u32, 0, count)?;
         }
         Ok(table)
     }
 
     /// Frees all slots. The caller sees to it that no submission is using the table.
-    pub fn clear(&mut self) {
+    pub fn clear(&mut self) -> Result<()> {
         for (binding, used) in std::mem::take(&mut self.used).into_iter().enumerate() {
-            self.fill(binding as u32, 0, used);
+            self.fill(binding as u32, 0, used)?;
         }
         self.slots.clear();
         // The first three are the content of free slots.
         self.raw.keep.lock().unwrap_or_else(PoisonError::into_inner).truncate(3);
+        Ok(())
     }
 
     /// Forgets which resource is where, so that the next one gets a slot of its own even if it has
@@ -310,6 +319,9 @@ impl ResourceTable {
         self.keep(buffer.raw().clone());
         let info = [buffer_info(buffer.raw(), offset, bytes)];
         self.write(4, slot, &[], &info);
+        if let Some(addresses) = &self.raw.addresses {
+            addresses.write(slot as usize, &[buffer.raw().address + offset])?;
+        }
         Ok(slot)
     }
 
@@ -364,7 +376,7 @@ impl ResourceTable {
     }
 
     /// Makes `count` slots from `first` on show what free slots show.
-    fn fill(&self, binding: u32, first: u32, count: u32) {
+    fn fill(&self, binding: u32, first: u32, count: u32) -> Result<()> {
         let sampler = self.dummy_sampler.handle;
         let image = match binding {
             0 => image_info(&self.dummy_sampled, sampler),
@@ -383,6 +395,10 @@ impl ResourceTable {
             }
             at += n as u32;
         }
+        if let Some(addresses) = self.raw.addresses.as_ref().filter(|_| binding == 4) {
+            addresses.write(first as usize, &vec![raw.address; count as usize])?;
+        }
+        Ok(())
     }
 
     fn write(

@@ -35,7 +35,7 @@ mod repair;
 mod resources;
 mod specialize;
 #[cfg(all(test, feature = "glsl"))]
-mod tests;
+pub(super) mod tests;
 #[cfg(feature = "glsl")]
 pub(crate) mod verify;
 

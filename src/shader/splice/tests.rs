@@ -72,7 +72,7 @@ fn run(tool: &str, arguments: &[&str], input: &[u8]) -> (bool, Vec<u8>) {
 }
 
 /// What `spirv-val` has against a module.
-fn complaint(words: &[u32]) -> Option<String> {
+pub fn complaint(words: &[u32]) -> Option<String> {
     // The validator of Debian 12 knows the extension by its older name only.
     let mut module = module::parse(words).unwrap();
     if module.extensions.iter().any(|i| format!("{i:?}").contains("compute_shader_derivatives")) {

@@ -1,0 +1,451 @@
+//! Read-only blocks of a kernel by address instead of by descriptor.
+//!
+//! A kernel names its blocks as any shader does. For drivers that read memory behind an address better
+//! than storage blocks, this pass rewrites those that it only reads: their addresses come in one
+//! uniform block, and what was a chain from a variable becomes a chain from a pointer. The engine's own
+//! view of the resource table, an array of blocks of words, becomes an array of addresses in the same way.
+//! Blocks that are written stay as they are.
+//!
+//! Lavapipe is such a driver. It reads a storage block lane by lane, each with its own descriptor, check
+//! of bounds and branches: for eight lanes about 90 instructions in 24 basic blocks, which is both the
+//! time that kernels take and the time that it takes to compile them. What lies behind an address, it
+//! reads with one gather.
+
+use rspirv::{
+    binary::Assemble,
+    dr::{self, Instruction, Operand},
+    spirv::{AddressingModel, Capability, Decoration, MemoryAccess, Op, StorageClass, Word},
+};
+use std::collections::{HashMap, HashSet};
+
+/// A kernel of which blocks were replaced by addresses.
+pub(super) struct Addressed {
+    /// The new module.
+    pub spirv: Vec<u32>,
+    /// Binding number, in set 0, of the uniform block of addresses.
+    pub binding: u32,
+    /// Binding numbers of the blocks that are replaced, in the order of their addresses.
+    pub blocks: Vec<u32>,
+    /// Whether the address of a table of addresses comes last: one for each buffer of the resource table.
+    pub table: bool,
+    /// Whether the module still has the resource table.
+    pub uses_table: bool,
+}
+
+/// A variable that is replaced.
+struct Block {
+    variable: Word,
+    /// The struct, for the table that of an element.
+    ty: Word,
+    /// `None` for the table.
+    binding: Option<u32>,
+    /// Pointer to `ty` by address.
+    pointer: Word,
+    /// Number in the block of addresses.
+    member: Word,
+    /// Of the table: pointer to its addresses, and to one of them.
+    table: Option<(Word, Word)>,
+}
+
+/// Words are aligned so, and vectors of them need not be more.
+const WORD_BYTES: u32 = 4;
+/// Bytes of an address.
+const ADDRESS_BYTES: u32 = 8;
+
+/// Replaces the read-only blocks of a kernel; nothing if it has none.
+pub(super) fn lower(words: &[u32]) -> std::result::Result<Option<Addressed>, String> {
+    let module = dr::load_words(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
+    let mut pass = Pass::new(module);
+    let mut blocks = pass.blocks();
+    if blocks.is_empty() {
+        return Ok(None);
+    }
+    let bindings = pass.decorations(Decoration::Binding);
+    let binding = bindings.values().max().map_or(0, |most| most + 1);
+    let addresses = pass.declare(&mut blocks, binding);
+    pass.rewrite(&blocks, addresses);
+    pass.remove(&blocks);
+    let sets = pass.decorations(Decoration::DescriptorSet);
+    Ok(Some(Addressed {
+        spirv: pass.module.assemble(),
+        binding,
+        blocks: blocks.iter().filter_map(|block| block.binding).collect(),
+        table: blocks.iter().any(|block| block.binding.is_none()),
+        uses_table: sets.values().any(|&set| set == 1),
+    }))
+}
+
+struct Pass {
+    module: dr::Module,
+    /// Types, constants and variables by id.
+    globals: HashMap<Word, Instruction>,
+    next: Word,
+    uint: Word,
+    constants: HashMap<u32, Word>,
+}
+
+impl Pass {
+    fn new(module: dr::Module) -> Self {
+        let globals: HashMap<Word, Instruction> = (module.types_global_values.iter())
+            .filter_map(|i| Some((i.result_id?, i.clone())))
+            .collect();
+        let next = module.all_inst_iter().filter_map(|i| i.result_id).max().unwrap_or(0) + 1;
+        let mut pass = Self { module, globals, next, uint: 0, constants: HashMap::new() };
+        let operands = [Operand::LiteralBit32(32), Operand::LiteralBit32(0)];
+        let uint =
+            pass.globals.values().find(|i| i.class.opcode == Op::TypeInt && i.operands == operands);
+        pass.uint = match uint.and_then(|i| i.result_id) {
+            Some(uint) => uint,
+            None => pass.global(Op::TypeInt, None, operands.to_vec()),
+        };
+        pass
+    }
+
+    fn id(&mut self) -> Word {
+        self.next += 1;
+        self.next - 1
+    }
+
+    fn global(&mut self, op: Op, ty: Option<Word>, operands: Vec<Operand>) -> Word {
+        let id = self.id();
+        let instruction = Instruction::new(op, ty, Some(id), operands);
+        self.globals.insert(id, instruction.clone());
+        self.module.types_global_values.push(instruction);
+        id
+    }
+
+    fn pointer(&mut self, class: StorageClass, pointee: Word) -> Word {
+        let operands = vec![Operand::StorageClass(class), Operand::IdRef(pointee)];
+        self.global(Op::TypePointer, None, operands)
+    }
+
+    fn constant(&mut self, value: u32) -> Word {
+        match self.constants.get(&value) {
+            Some(&known) => known,
+            None => {
+                let ty = Some(self.uint);
+                let id = self.global(Op::Constant, ty, vec![Operand::LiteralBit32(value)]);
+                self.constants.insert(value, id);
+                id
+            }
+        }
+    }
+
+    fn decorate(
+        &mut self,
+        op: Op,
+        mut target: Vec<Operand>,
+        decoration: Decoration,
+        value: &[u32],
+    ) {
+        target.push(Operand::Decoration(decoration));
+        target.extend(value.iter().map(|&v| Operand::LiteralBit32(v)));
+        self.module.annotations.push(Instruction::new(op, None, None, target));
+    }
+
+    /// The ids that have a decoration, with its number.
+    fn decorations(&self, wanted: Decoration) -> HashMap<Word, u32> {
+        let of = |i: &Instruction| match (i.class.opcode, i.operands.as_slice()) {
+            (
+                Op::Decorate,
+                &[Operand::IdRef(id), Operand::Decoration(d), Operand::LiteralBit32(value)],
+            ) if d == wanted => Some((id, value)),
+            _ => None,
+        };
+        self.module.annotations.iter().filter_map(of).collect()
+    }
+
+    /// The structs of which no member is written.
+    fn read_only(&self) -> HashSet<Word> {
+        let mut members: HashMap<Word, usize> = HashMap::new();
+        for i in &self.module.annotations {
+            if let (Op::MemberDecorate, [Operand::IdRef(id), _, Operand::Decoration(d)]) =
+                (i.class.opcode, i.operands.as_slice())
+                && *d == Decoration::NonWritable
+            {
+                *members.entry(*id).or_default() += 1;
+            }
+        }
+        let whole = |id: &Word, count: &usize| {
+            self.globals.get(id).is_some_and(|ty| ty.operands.len() == *count)
+        };
+        members.into_iter().filter(|(id, count)| whole(id, count)).map(|(id, _)| id).collect()
+    }
+
+    /// What can be replaced: in set 0 any block, of the table the first array of blocks of words, which
+    /// is the kernel's own.
+    fn blocks(&self) -> Vec<Block> {
+        let sets = self.decorations(Decoration::DescriptorSet);
+        let bindings = self.decorations(Decoration::Binding);
+        let read_only = self.read_only();
+        let mut found: Vec<Block> = Vec::new();
+        for variable in &self.module.types_global_values {
+            let (Op::Variable, Some(id), Some(Operand::StorageClass(StorageClass::StorageBuffer))) =
+                (variable.class.opcode, variable.result_id, variable.operands.first())
+            else {
+                continue;
+            };
+            let pointee = variable.result_type.map_or(0, |ty| self.operand(ty, 1));
+            let (ty, binding) = match (sets.get(&id), bindings.get(&id)) {
+                (Some(0), Some(&binding)) => (pointee, Some(binding)),
+                (Some(1), _) if self.is(pointee, Op::TypeRuntimeArray) => {
+                    (self.operand(pointee, 0), None)
+                }
+                _ => continue,
+            };
+            let again = binding.is_none()
+                && (!self.is_words(ty) || found.iter().any(|block| block.binding.is_none()));
+            if read_only.contains(&ty) && !again && self.only_loads(id) {
+                found.push(Block { variable: id, ty, binding, pointer: 0, member: 0, table: None });
+            }
+        }
+        // The table comes last.
+        found.sort_by_key(|block| (block.binding.is_none(), block.binding));
+        found
+    }
+
+    fn operand(&self, id: Word, n: usize) -> Word {
+        match self.globals.get(&id).and_then(|i| i.operands.get(n)) {
+            Some(&Operand::IdRef(id)) => id,
+            _ => 0,
+        }
+    }
+
+    fn is(&self, id: Word, op: Op) -> bool {
+        self.globals.get(&id).is_some_and(|i| i.class.opcode == op)
+    }
+
+    /// Whether a struct is nothing but a run-time array of unsigned words.
+    fn is_words(&self, ty: Word) -> bool {
+        let array = self.operand(ty, 0);
+        let one = self.globals.get(&ty).is_some_and(|i| i.operands.len() == 1);
+        one && self.is(array, Op::TypeRuntimeArray) && self.operand(array, 0) == self.uint
+    }
+
+    /// Whether nothing but loads is done with what chains from `variable` point to.
+    fn only_loads(&self, variable: Word) -> bool {
+        let mut pointers = HashSet::from([variable]);
+        for i in self.instructions() {
+            let Some(at) = i
+                .operands
+                .iter()
+                .position(|o| matches!(o, Operand::IdRef(id) if pointers.contains(id)))
+            else {
+                continue;
+            };
+            match (i.class.opcode, i.result_id) {
+                (Op::AccessChain | Op::InBoundsAccessChain, Some(result)) if at == 0 => {
+                    pointers.insert(result);
+                }
+                (Op::Load, _) if i.operands.len() == 1 && !is(&i.operands[0], variable) => {}
+                _ => return false,
+            }
+        }
+        true
+    }
+
+    fn instructions(&self) -> impl Iterator<Item = &Instruction> {
+        let blocks = self.module.functions.iter().flat_map(|f| &f.blocks);
+        blocks.flat_map(|block| &block.instructions)
+    }
+
+    /// Declares pointers and the block of addresses, whose variable is returned.
+    fn declare(&mut self, blocks: &mut [Block], binding: u32) -> Word {
+        self.module.capabilities.push(Instruction::new(
+            Op::Capability,
+            None,
+            None,
+            vec![Operand::Capability(Capability::PhysicalStorageBufferAddresses)],
+        ));
+        if let Some(model) = &mut self.module.memory_model {
+            model.operands[0] = Operand::AddressingModel(AddressingModel::PhysicalStorageBuffer64);
+        }
+        let mut members = Vec::new();
+        for (n, block) in blocks.iter_mut().enumerate() {
+            block.member = self.constant(n as u32);
+            block.pointer = self.pointer(StorageClass::PhysicalStorageBuffer, block.ty);
+            let mut member = block.pointer;
+            if block.binding.is_none() {
+                let array =
+                    self.global(Op::TypeRuntimeArray, None, vec![Operand::IdRef(block.pointer)]);
+                self.decorate(
+                    Op::Decorate,
+                    vec![Operand::IdRef(array)],
+                    Decoration::ArrayStride,
+                    &[ADDRESS_BYTES],
+                );
+                let table = self.global(Op::TypeStruct, None, vec![Operand::IdRef(array)]);
+                self.decorate(Op::Decorate, vec![Operand::IdRef(table)], Decoration::Block, &[]);
+                let first = || vec![Operand::IdRef(table), Operand::LiteralBit32(0)];
+                self.decorate(Op::MemberDecorate, first(), Decoration::Offset, &[0]);
+                self.decorate(Op::MemberDecorate, first(), Decoration::NonWritable, &[]);
+                member = self.pointer(StorageClass::PhysicalStorageBuffer, table);
+                let one = self.pointer(StorageClass::PhysicalStorageBuffer, block.pointer);
+                block.table = Some((member, one));
+            }
+            members.push(Operand::IdRef(member));
+        }
+        let count = members.len() as u32;
+        let ty = self.global(Op::TypeStruct, None, members);
+        self.decorate(Op::Decorate, vec![Operand::IdRef(ty)], Decoration::Block, &[]);
+        for n in 0..count {
+            let member = vec![Operand::IdRef(ty), Operand::LiteralBit32(n)];
+            self.decorate(Op::MemberDecorate, member, Decoration::Offset, &[n * ADDRESS_BYTES]);
+        }
+        let pointer = self.pointer(StorageClass::Uniform, ty);
+        let class = vec![Operand::StorageClass(StorageClass::Uniform)];
+        let variable = self.global(Op::Variable, Some(pointer), class);
+        for (decoration, value) in [(Decoration::DescriptorSet, 0), (Decoration::Binding, binding)]
+        {
+            self.decorate(Op::Decorate, vec![Operand::IdRef(variable)], decoration, &[value]);
+        }
+        for entry in &mut self.module.entry_points {
+            entry.operands.push(Operand::IdRef(variable));
+        }
+        variable
+    }
+
+    /// Makes chains begin at addresses, and loads say how they are aligned.
+    fn rewrite(&mut self, blocks: &[Block], addresses: Word) {
+        let blocks: HashMap<Word, &Block> = blocks.iter().map(|b| (b.variable, b)).collect();
+        // Pointer types by what they point to, and what chains result in.
+        let mut pointers: HashMap<Word, Word> = HashMap::new();
+        let mut uniform: HashMap<Word, Word> = HashMap::new();
+        let mut chains: HashSet<Word> = HashSet::new();
+        let mut functions = std::mem::take(&mut self.module.functions);
+        for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
+            let mut code = Vec::with_capacity(block.instructions.len());
+            for mut i in std::mem::take(&mut block.instructions) {
+                let base = match i.operands.first() {
+                    Some(&Operand::IdRef(base)) => base,
+                    _ => 0,
+                };
+                let is_chain = matches!(i.class.opcode, Op::AccessChain | Op::InBoundsAccessChain);
+                if is_chain && (blocks.contains_key(&base) || chains.contains(&base)) {
+                    let pointee = i.result_type.map_or(0, |ty| self.operand(ty, 1));
+                    let class = StorageClass::PhysicalStorageBuffer;
+                    let pointer =
+                        *pointers.entry(pointee).or_insert_with(|| self.pointer(class, pointee));
+                    i.result_type = Some(pointer);
+                    chains.extend(i.result_id);
+                    if let Some(block) = blocks.get(&base) {
+                        let slot = block.table.map(|_| i.operands.remove(1));
+                        let address = self.address(block, addresses, slot, &mut uniform, &mut code);
+                        i.operands[0] = Operand::IdRef(address);
+                    }
+                } else if i.class.opcode == Op::Load && chains.contains(&base) {
+                    i.operands.extend(aligned(WORD_BYTES));
+                }
+                code.push(i);
+            }
+            block.instructions = code;
+        }
+        self.module.functions = functions;
+        // An address is an address, whatever lanes hold.
+        self.module.annotations.retain(|i| match i.operands.as_slice() {
+            [Operand::IdRef(id), Operand::Decoration(Decoration::NonUniform)] => {
+                !chains.contains(id)
+            }
+            _ => true,
+        });
+    }
+
+    /// Loads the address of a block, of the table's the one in `slot`.
+    fn address(
+        &mut self,
+        block: &Block,
+        addresses: Word,
+        slot: Option<Operand>,
+        uniform: &mut HashMap<Word, Word>,
+        code: &mut Vec<Instruction>,
+    ) -> Word {
+        let mut emit = |pass: &mut Self, op, ty, operands| {
+            let id = pass.id();
+            code.push(Instruction::new(op, Some(ty), Some(id), operands));
+            id
+        };
+        let ty = block.table.map_or(block.pointer, |(table, _)| table);
+        let pointer = *uniform.entry(ty).or_insert_with(|| self.pointer(StorageClass::Uniform, ty));
+        let operands = vec![Operand::IdRef(addresses), Operand::IdRef(block.member)];
+        let member = emit(self, Op::AccessChain, pointer, operands);
+        let address = emit(self, Op::Load, ty, vec![Operand::IdRef(member)]);
+        let (Some((_, one)), Some(slot)) = (block.table, slot) else { return address };
+        let first = self.constant(0);
+        let operands = vec![Operand::IdRef(address), Operand::IdRef(first), slot];
+        let place = emit(self, Op::AccessChain, one, operands);
+        let [align, bytes] = aligned(ADDRESS_BYTES);
+        emit(self, Op::Load, block.pointer, vec![Operand::IdRef(place), align, bytes])
+    }
+
+    /// Removes the variables that were replaced.
+    fn remove(&mut self, blocks: &[Block]) {
+        let gone: HashSet<Word> = blocks.iter().map(|block| block.variable).collect();
+        let stays = |i: &Instruction| match i.operands.first() {
+            Some(Operand::IdRef(id)) => !gone.contains(id),
+            _ => true,
+        };
+        self.module.annotations.retain(stays);
+        self.module.debug_names.retain(stays);
+        let declared = |i: &Instruction| i.result_id.is_none_or(|id| !gone.contains(&id));
+        self.module.types_global_values.retain(declared);
+        for entry in &mut self.module.entry_points {
+            entry.operands.retain(|o| !matches!(o, Operand::IdRef(id) if gone.contains(id)));
+        }
+        if let Some(header) = &mut self.module.header {
+            header.bound = self.next;
+        }
+    }
+}
+
+fn is(operand: &Operand, id: Word) -> bool {
+    *operand == Operand::IdRef(id)
+}
+
+fn aligned(bytes: u32) -> [Operand; 2] {
+    [Operand::MemoryAccess(MemoryAccess::ALIGNED), Operand::LiteralBit32(bytes)]
+}
+
+#[cfg(all(test, feature = "glsl"))]
+mod tests {
+    use super::*;
+    use crate::{
+        kernels,
+        shader::testing::{complaint, kernel},
+    };
+
+    #[test]
+    fn every_kernel_stays_valid() {
+        for words in kernels::ALL {
+            let Some(addressed) = lower(words).unwrap() else { continue };
+            assert_eq!(complaint(&addressed.spirv), None);
+            assert!(lower(&addressed.spirv).unwrap().is_none(), "nothing is left to replace");
+        }
+        let shade = lower(kernels::SHADE).unwrap().unwrap();
+        assert!(shade.table && !shade.uses_table && shade.blocks.len() >= 5);
+    }
+
+    #[test]
+    fn blocks_that_are_written_or_measured_stay() {
+        let words = kernel(
+            "#version 460
+             layout(local_size_x = 64) in;
+             layout(binding = 0) readonly buffer Read { uvec3 read[]; };
+             layout(binding = 2) buffer Written { uint written[]; };
+             layout(binding = 3) readonly buffer Measured { uint measured[]; };
+             layout(binding = 5) uniform Uniform { uint constant; };
+             void main() {
+                 uint i = gl_GlobalInvocationID.x;
+                 written[i] += read[i].y + measured[measured.length() - 1] + constant;
+             }",
+        );
+        let addressed = lower(&words).unwrap().unwrap();
+        assert_eq!((addressed.binding, addressed.blocks), (6, vec![0]));
+        assert!(!addressed.table && !addressed.uses_table);
+        assert_eq!(complaint(&addressed.spirv), None);
+    }
+
+    #[test]
+    fn what_is_no_module_is_refused() {
+        assert!(lower(&[1, 2, 3]).is_err());
+    }
+}
