@@ -194,8 +194,10 @@ impl Pass {
                 _ => continue,
             };
             let again = binding.is_none()
-                && (!self.is_words(ty) || found.iter().any(|block| block.binding.is_none()));
-            if read_only.contains(&ty) && !again && self.only_loads(id) {
+                && (!self.is_words(ty)
+                    || !read_only.contains(&ty)
+                    || found.iter().any(|block| block.binding.is_none()));
+            if !again && self.only_memory(id) {
                 found.push(Block { variable: id, ty, binding, pointer: 0, member: 0, table: None });
             }
         }
@@ -222,8 +224,8 @@ impl Pass {
         one && self.is(array, Op::TypeRuntimeArray) && self.operand(array, 0) == self.uint
     }
 
-    /// Whether nothing but loads is done with what chains from `variable` point to.
-    fn only_loads(&self, variable: Word) -> bool {
+    /// Whether nothing but loads, stores and atomics is done with what chains from `variable` point to.
+    fn only_memory(&self, variable: Word) -> bool {
         let mut pointers = HashSet::from([variable]);
         for i in self.instructions() {
             let Some(at) = i
@@ -233,11 +235,14 @@ impl Pass {
             else {
                 continue;
             };
+            let whole = is(&i.operands[0], variable);
             match (i.class.opcode, i.result_id) {
                 (Op::AccessChain | Op::InBoundsAccessChain, Some(result)) if at == 0 => {
                     pointers.insert(result);
                 }
-                (Op::Load, _) if i.operands.len() == 1 && !is(&i.operands[0], variable) => {}
+                (Op::Load, _) if i.operands.len() == 1 && !whole => {}
+                (Op::Store, _) if i.operands.len() == 2 && at == 0 && !whole => {}
+                (op, _) if at == 0 && !whole && format!("{op:?}").starts_with("Atomic") => {}
                 _ => return false,
             }
         }
@@ -333,7 +338,7 @@ impl Pass {
                         let address = self.address(block, addresses, slot, &mut uniform, &mut code);
                         i.operands[0] = Operand::IdRef(address);
                     }
-                } else if i.class.opcode == Op::Load && chains.contains(&base) {
+                } else if matches!(i.class.opcode, Op::Load | Op::Store) && chains.contains(&base) {
                     i.operands.extend(aligned(WORD_BYTES));
                 }
                 code.push(i);
