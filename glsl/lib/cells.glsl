@@ -31,10 +31,10 @@ uint cell_level(const ivec3 x, const ivec3 y, const uvec2 low, const uvec2 high,
         if (count <= MAX_CELLS) return level;
         if (count > MAX_CELLS_TESTED) continue;
         uint touched = 0u;
-        [[dont_unroll]] for (uint i = 0u; i < count; i++) {
-            uint columns = range.z - range.x + 1u;
-            uvec2 cell = range.xy + uvec2(i % columns, i / columns);
+        uvec2 cell = range.xy;
+        [[dont_unroll]] while (cell.y <= range.w) {
             touched += cell_lists(x, y, level, range, cell, origin_y) ? 1u : 0u;
+            cell = cell.x < range.z ? cell + uvec2(1u, 0u) : uvec2(range.x, cell.y + 1u);
         }
         if (touched <= MAX_CELLS) return level;
     }

@@ -33,8 +33,9 @@ vec3 srgb_decode(const vec3 c) {
     return mix(light, c * (1.0 / 12.92), lessThanEqual(c, vec3(0.04045)));
 }
 
+// The last place of a float from 2^23 on is 1: adding that rounds, to even where two are as near.
 uint pack_unorm8(const vec4 c) {
-    uvec4 u = uvec4(c * 255.0 + 0.5);
+    uvec4 u = floatBitsToUint(c * 255.0 + 8388608.0) & 0xffu;
     return u.r | u.g << 8 | u.b << 16 | u.a << 24;
 }
 

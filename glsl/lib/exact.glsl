@@ -1,6 +1,8 @@
 // Arithmetic that gives the same bits on every device and on the CPU. Vulkan rounds float add,
 // subtract and multiply correctly, and the build forbids contraction; division it allows to be
-// wrong by 2.5 ULP, and a fused multiply-add may or may not be one. These are our own.
+// wrong by 2.5 ULP, and a fused multiply-add may or may not be one. These are our own. Floats become
+// integers by their bits: what a conversion does with numbers out of range costs CPUs a dozen
+// instructions for each number of a vector.
 #ifndef EXACT_GLSL
 #define EXACT_GLSL
 
@@ -27,7 +29,8 @@ float exact_divide(const float a, const float b) {
     }
     // quotient = floor(ma * 2^24 / mb), 25 bits. The guess is within 8 of it; 16 less is surely
     // below, and the remainder modulo 2^32 is then the true one.
-    uint quotient = uint(float(ma) / float(mb) * 16777216.0) - 16u;
+    uint guess = floatBitsToUint(float(int(ma)) / float(int(mb)) * 16777216.0); // an integer from 2^23 on
+    uint quotient = (((guess & 0x7fffffu) | 0x800000u) << ((guess >> 23) - 150u)) - 16u;
     uint remainder = (ma << 24) - quotient * mb;
     [[unroll]] for (uint step = 16u; step > 0u; step >>= 1) {
         bool enough = remainder >= step * mb;
@@ -57,11 +60,11 @@ float multiply_add(const float a, const float b, const float c) {
 
 // The nearest integer, ties to even, for |a| < 2^24.
 int round_even(const float a) {
-    int whole = int(a);
-    float rest = a - float(whole);
-    bool odd = (whole & 1) != 0;
-    int up = (rest > 0.5 || (rest == 0.5 && odd)) ? 1 : 0;
-    int down = (rest < -0.5 || (rest == -0.5 && odd)) ? 1 : 0;
-    return whole + up - down;
+    // The last place of a float from 2^23 on is 1; those of `a` itself are whole from there.
+    float size = abs(a);
+    uint rounded = floatBitsToUint(size + 8388608.0) - 0x4b000000u;
+    uint whole = (floatBitsToUint(size) & 0x7fffffu) | 0x800000u;
+    int magnitude = int(size < 8388608.0 ? rounded : whole);
+    return a < 0.0 ? -magnitude : magnitude;
 }
 #endif
