@@ -1,8 +1,10 @@
 // The pixels of a bin while raster works on them: what decides between two triangles, and where the
 // winners are kept.
 //
-// Depth and key of each pixel are in shared memory, touched by one lane only, so that there is no
-// barrier. What includes this defines WIDTH, the subgroup's, and COMPARE, the depth comparison.
+// Depth and key of each pixel are in shared memory, or IN_PLACE, where `depth` and `visibility` have
+// them in the end: to CPUs all memory is the same, and what is in place need not be brought. Each pixel
+// is touched by one lane only, so that there is no barrier. What includes this defines WIDTH, the
+// subgroup's, COMPARE, the depth comparison, and IN_PLACE.
 #ifndef BIN_GLSL
 #define BIN_GLSL
 
@@ -16,41 +18,75 @@ const bool OR_EQUAL = COMPARE == 3u || COMPARE == 6u;
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
 layout(scalar, binding = 5) buffer Depth { float depth[]; };
 
+layout(scalar, binding = 6) buffer Visibility { uvec4 visibility[]; };
+
 shared float s_depth[BIN_PIXELS];
 shared uint s_key[BIN_PIXELS];
 
-// Whether (z, key) beats what the bin's pixel `at` holds. Among equals the comparison decides whether
-// the first or the last in API order stays; a key of 0 is what was there before the batch.
-bool beats(const float z, const uint key, const uint at) {
-    float held = s_depth[at];
-    bool wins = in_front(z, held);
-    if (z == held) wins = OR_EQUAL ? key > s_key[at] : key < s_key[at];
-    return wins;
+// A bin of the band: its number and its first pixel.
+struct Bin {
+    uint number;
+    ivec2 origin;
+};
+
+// The place in `depth` of the bin's pixel at `p`, which is in the target.
+uint depth_place(const Bin bin, const ivec2 p) {
+    return uint(bin.origin.y + p.y) * batch.width + uint(bin.origin.x + p.x);
 }
 
-// Puts the bin's pixels into shared memory: as the batch finds them, or all on one surface. Pixels
-// beyond the target hold what nothing beats.
-void fill(const ivec2 local_origin, const bool single, const uint key, const vec3 plane) {
-    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) {
-        ivec2 p = local_origin + ivec2(tile_pixel(i));
-        float z = GREATER ? 2.0 : -1.0;
-        if (p.x < int(batch.width) && p.y < int(batch.height)) {
-            if (single) {
-                z = depth_at(plane.x, plane.y, plane.z, p + ivec2(0, int(batch.origin_y)));
-            } else {
-                z = depth[uint(p.y) * batch.width + uint(p.x)];
-            }
-        }
+bool in_target(const Bin bin, const ivec2 p) {
+    return bin.origin.x + p.x < int(batch.width) && bin.origin.y + p.y < int(batch.height);
+}
+
+// What the bin's pixel `i`, which is at `p`, holds.
+float held_depth(const Bin bin, const uint i, const ivec2 p) {
+    return IN_PLACE ? depth[depth_place(bin, p)] : s_depth[i];
+}
+
+uint held_key(const Bin bin, const uint i) {
+    return IN_PLACE ? visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] : s_key[i];
+}
+
+void hold(const Bin bin, const uint i, const ivec2 p, const float z, const uint key) {
+    if (IN_PLACE) {
+        depth[depth_place(bin, p)] = z;
+        visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = key;
+    } else {
         s_depth[i] = z;
         s_key[i] = key;
     }
 }
 
+// Whether (z, key) beats what the pixel holds. Among equals the comparison decides whether the first
+// or the last in API order stays; a key of 0 is what was there before the batch.
+bool beats(const Bin bin, const uint i, const ivec2 p, const float z, const uint key) {
+    float held = held_depth(bin, i, p);
+    bool wins = in_front(z, held);
+    if (z == held) wins = OR_EQUAL ? key > held_key(bin, i) : key < held_key(bin, i);
+    return wins;
+}
+
+// Makes the bin's pixels hold what the batch finds, or all of them one surface: the depth `plane` and
+// `key`.
+void fill(const Bin bin, const bool single, const uint key, const vec3 plane) {
+    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) {
+        ivec2 p = ivec2(tile_pixel(i));
+        if (!in_target(bin, p)) continue;
+        float z = 0.0;
+        if (single) z = depth_at(plane.x, plane.y, plane.z, bin.origin + p + ivec2(0, int(batch.origin_y)));
+        else if (!IN_PLACE) z = depth[depth_place(bin, p)];
+        if (IN_PLACE && key == 0u) visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = 0u;
+        else hold(bin, i, p, z, key);
+    }
+}
+
 // The farthest depth that a block holds.
-float farthest_of(const uint block) {
+float farthest_of(const Bin bin, const uint block) {
     float far_z = GREATER ? 1.0 : 0.0;
-    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BLOCK; i += WIDTH) {
-        float z = s_depth[block * BLOCK + i];
+    [[dont_unroll]] for (uint i = block * BLOCK + gl_SubgroupInvocationID; i < (block + 1u) * BLOCK; i += WIDTH) {
+        ivec2 p = ivec2(tile_pixel(i));
+        if (!in_target(bin, p)) continue;
+        float z = held_depth(bin, i, p);
         far_z = GREATER ? min(far_z, z) : max(far_z, z);
     }
     return GREATER ? subgroupMin(far_z) : subgroupMax(far_z);

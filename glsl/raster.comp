@@ -10,9 +10,7 @@
 //
 // One subgroup is one workgroup is one bin. Each lane looks at another triangle of the list; those that
 // may touch a quadrant of the bin are taken one by one, their edges handed to all lanes, and each lane
-// tests one pixel of every patch of the quadrant that the triangle's box touches. Depth and key of the
-// bin's pixels are in shared memory, each pixel's touched by one lane only, so that there is no barrier.
-// A bin that one triangle covers in front of everything, and one where everything is hidden, do without
+// tests one pixel of every patch of the quadrant that the triangle's box touches. A bin that one triangle covers in front of everything, and one where everything is hidden, do without
 // all of that: bounds of what a bin holds are kept from batch to batch.
 //
 // Everything in registers, all loops unrolled, was the arrangement before: it tested the 64 pixels
@@ -26,6 +24,7 @@
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 layout(constant_id = SPEC_COMPARE) const uint COMPARE = 1u;
+layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
 
 #include "bin.glsl"
 #include "lib/cells.glsl"
@@ -37,7 +36,6 @@ layout(scalar, binding = 1) readonly buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 2) readonly buffer Entries { uint entries[]; };
 layout(scalar, binding = 3) readonly buffer Triangles { Triangle triangles[]; };
 layout(scalar, binding = 4) readonly buffer Pieces { Piece pieces[]; };
-layout(scalar, binding = 6) writeonly buffer Visibility { uvec4 visibility[]; };
 // For each fragment kernel the arguments of its dispatch, one workgroup column per bin.
 layout(scalar, binding = 7) buffer ShadeArgs { uvec3 shade_args[]; };
 // `batch.bins` entries for each fragment kernel.
@@ -49,16 +47,16 @@ void main() {
     uint lane = gl_SubgroupInvocationID;
     uint entry = bins[gl_WorkGroupID.x];
     uvec2 position = bin_position(entry);
-    uint bin = position.y * batch.bins_x + position.x;
     ivec2 local_origin = ivec2(position << BIN_SIZE_LOG2);
+    Bin bin = Bin(position.y * batch.bins_x + position.x, local_origin);
     ivec2 origin = local_origin + ivec2(0, int(batch.origin_y));
     ivec2 lane_pixel = ivec2(tile_pixel(lane));
-    bool inside = local_origin.x + BIN_LAST.x < int(batch.width) && local_origin.y + BIN_LAST.y < int(batch.height);
+    bool inside = in_target(bin, BIN_LAST);
 
     // Until something asks for single pixels, the bin is what was there, of which bounds are known, or
     // one triangle that covers all of it and is in front of that.
     bool single = true;
-    vec2 held = bin_bounds[bin];
+    vec2 held = bin_bounds[bin.number];
     bool flat_before = held.x == held.y;
     uint base_key = 0u;
     vec3 base = vec3(held.x, 0.0, 0.0);
@@ -76,7 +74,8 @@ void main() {
             ivec3 x = triangles[at].x, y = triangles[at].y;
             vec3 plane = vec3(triangles[at].z, triangles[at].dzdx, triangles[at].dzdy);
             uint low_bits = triangles[at].bounds_min, high_bits = triangles[at].bounds_max;
-            uint cut = triangles[at].flags & TRIANGLE_CUT;
+            // Of a bin that reaches beyond the target, pixels there are cut off too.
+            uint cut = inside ? triangles[at].flags & TRIANGLE_CUT : TRIANGLE_CUT;
             ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
             ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
             Edges edges = edges_from(x, y, origin, 0u);
@@ -105,7 +104,7 @@ void main() {
                 }
                 if (single) continue;
                 // From here on pixel by pixel, this round's triangles once more: none can win twice.
-                fill(local_origin, flat_before || base_key != 0u, base_key, base);
+                fill(bin, base_key != 0u || (flat_before && !IN_PLACE), base_key, base);
                 any = base_key;
                 [[dont_unroll]] for (uint b = 0u; b < BLOCKS; b++) farthest[b] = base_bounds.y;
             }
@@ -136,20 +135,19 @@ void main() {
                         ivec2 step = ivec2(tile_pixel(i));
                         ivec3 e = start + dx * step.x + dy * step.y;
                         bool wins = (e.x | e.y | e.z) >= 0;
-                        ivec2 p = block + lane_pixel + step;
+                        ivec2 p = block + lane_pixel + step; // in the bin
                         if (cut_j) wins = wins && all(greaterThanEqual(p, low_j)) && all(lessThanEqual(p, high_j));
                         if (wins) {
                             float z = depth_at(plane_j.x, plane_j.y, plane_j.z, origin + p);
-                            uint held = b * BLOCK + i + lane;
-                            if (beats(z, key_j, held)) {
-                                s_depth[held] = z;
-                                s_key[held] = key_j;
+                            uint pixel = b * BLOCK + i + lane;
+                            if (beats(bin, pixel, p, z, key_j)) {
+                                hold(bin, pixel, p, z, key_j);
                                 any |= key_j;
                             }
                         }
                     } while (left != 0u);
                 } while (mask != uvec4(0u));
-                farthest[b] = farthest_of(b);
+                farthest[b] = farthest_of(bin, b);
             }
         }
     }
@@ -161,20 +159,22 @@ void main() {
     float least_z = 2.0, most_z = -1.0;
     [[dont_unroll]] for (uint i = lane; i < BIN_PIXELS; i += WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
-        uint key;
-        float z;
-        if (single) {
+        uint key = 0u;
+        if (in_target(bin, p)) {
             key = base_key;
-            z = depth_at(base.x, base.y, base.z, origin + p);
-        } else {
-            key = s_key[i];
-            z = s_depth[i];
+            float z;
+            if (single) {
+                z = depth_at(base.x, base.y, base.z, origin + p);
+            } else {
+                key = held_key(bin, i);
+                z = held_depth(bin, i, p);
+            }
+            if (key != 0u && (single || !IN_PLACE)) depth[depth_place(bin, p)] = z;
+            least_z = min(least_z, z);
+            most_z = max(most_z, z);
         }
-        visibility[bin * BIN_QUADS + (i >> 2)][i & 3u] = key;
-        least_z = min(least_z, z);
-        most_z = max(most_z, z);
+        if (single || !IN_PLACE || !inside) visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = key;
         if (key == 0u) continue;
-        depth[uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x)] = z;
         if (batch.fragment_kernels > 1u) {
             uint piece = triangles[key_triangle(key, batch.extra_first)].piece;
             shown |= 1u << pieces[piece].fragment_kernel;
@@ -183,7 +183,7 @@ void main() {
         }
     }
     vec2 bounds = vec2(subgroupMin(least_z), subgroupMax(most_z));
-    if (lane == 0u) bin_bounds[bin] = bounds;
+    if (lane == 0u) bin_bounds[bin.number] = bounds;
     shown = subgroupOr(shown);
     while (shown != 0u) {
         uint kernel = uint(findLSB(shown));

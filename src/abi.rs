@@ -61,6 +61,8 @@ pub const SPEC_WIDTH: u32 = 65536;
 pub const SPEC_LANES: u32 = 65541;
 /// Specialization constant: the depth comparison.
 pub const SPEC_COMPARE: u32 = 65537;
+/// Specialization constant: whether raster keeps the pixels of a bin in the targets' own memory.
+pub const SPEC_IN_PLACE: u32 = 65542;
 /// Specialization constant: the colour format.
 pub const SPEC_FORMAT: u32 = 65538;
 /// Specialization constant: when the depth test happens, one of `DEPTH_*`.

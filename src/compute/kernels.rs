@@ -67,7 +67,9 @@ impl Kernels {
         if let Some((_, kernel)) = known {
             return Ok(kernel.clone());
         }
-        let constants = [("COMPARE", compare as u32)];
+        // To a CPU, shared memory is nothing special, and the driver does not read it by address.
+        let in_place = self.gpu.reads_by_address().into();
+        let constants = [("COMPARE", compare as u32), ("IN_PLACE", in_place)];
         let kernel = wide(&self.gpu, "raster", kernels::RASTER, self.width, &constants)?;
         self.raster.push((compare, kernel.clone()));
         Ok(kernel)

@@ -262,6 +262,11 @@ impl Gpu {
         self.0.lacking.iter().all(|(lacking, _)| *lacking != Capability::Geometry)
     }
 
+    /// Whether kernels reach buffers by address, which drivers for CPUs read faster than descriptors.
+    pub fn reads_by_address(&self) -> bool {
+        self.0.addresses
+    }
+
     /// Whether compute kernels may use derivative instructions (`VK_KHR_compute_shader_derivatives`).
     pub fn has_compute_derivatives(&self) -> bool {
         self.0.derivatives
