@@ -128,11 +128,12 @@ void run(const uint primitive, const uint piece_index, const Piece piece) {
         return;
     }
     uint clip = code_a | code_b | code_c, count = 3u, made = 0u;
+    bool clipped = clip != 0u || min(a.w, min(b.w, c.w)) <= 0.0;
     vec4 corners[CLIP_CORNERS];
-    corners[0] = a;
-    corners[1] = b;
-    corners[2] = c;
-    if (clip != 0u || min(a.w, min(b.w, c.w)) <= 0.0) {
+    if (clipped) {
+        corners[0] = a;
+        corners[1] = b;
+        corners[2] = c;
         count = clip_polygon(corners, clip, made);
         // What is left touches w = 0 only at the eye itself, which no window position belongs to.
         bool drawable = count >= 3u;
@@ -145,7 +146,10 @@ void run(const uint primitive, const uint piece_index, const Piece piece) {
     // One loop and one call for clipped and whole triangles: the code is compiled once.
     vec3 first, previous;
     [[dont_unroll]] for (uint i = 0u; i < count; i++) {
-        vec3 next = window(piece, corners[i], ((made >> i) & 1u) != 0u);
+        // An index that is not constant costs CPUs a hundred instructions.
+        vec4 corner = i == 0u ? a : (i == 1u ? b : c);
+        if (clipped) corner = corners[i];
+        vec3 next = window(piece, corner, ((made >> i) & 1u) != 0u);
         if (i == 0u) first = next;
         if (i >= 2u) {
             uint part = i - 2u;
