@@ -1,7 +1,8 @@
 // What the shading kernels keep bound: a draw, and the triangles that a quad shades.
 //
 // The lanes of a quad fetch together what they need alike (`lib/quad.glsl`), and nothing is fetched
-// again for the next quad if it is the same. What includes this defines WIDTH, the subgroup's.
+// again for the next quad if it is the same. What includes this defines WIDTH, the subgroup's, and
+// ONE_AT_A_TIME, whether a subgroup shades one triangle after the other.
 #ifndef BOUND_GLSL
 #define BOUND_GLSL
 #extension GL_EXT_nonuniform_qualifier : require
@@ -36,7 +37,7 @@ struct Bound {
 
 // Quads of large triangles follow each other, and where two triangles meet, they alternate: narrow
 // subgroups, which have few quads, keep two triangles. Wide ones need their registers for lanes.
-const bool TWO = WIDTH <= 16u;
+const bool TWO = WIDTH <= 16u && !ONE_AT_A_TIME;
 Bound bound_a = Bound(0u, NONE, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0));
 Bound bound_b = bound_a;
 bool second = false; // whether the last one used is `b`

@@ -95,10 +95,9 @@ void tw_user_main() {
     tw_output(0u, 0u, 4u, floatBitsToUint(v));
 }
 
-// Runs the shader for the triangle of `key` at the target's pixel `pixel`; all four lanes of a quad
-// call it together. `helper` lanes take part in derivatives only.
-void shade(const uint key, const ivec2 pixel, const bool helper) {
-    Bound triangle = bind_triangle(key);
+// Runs the shader for `triangle`, the one bound last, at the target's pixel `pixel`; all four lanes of a
+// quad call it together. `helper` lanes take part in derivatives only.
+void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     vec2 ndc = (vec2(pixel) + 0.5 - window_offset) / window_scale;
     vec3 px = triangle.x - ndc.x * triangle.w, py = triangle.y - ndc.y * triangle.w;
     vec3 weights = px.yzx * py.zxy - py.yzx * px.zxy;
@@ -111,7 +110,7 @@ void shade(const uint key, const ivec2 pixel, const bool helper) {
     tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? 1.0 / depth_w : 0.0);
     tw_FragDepth = z;
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;
-    tw_PrimitiveID = int((first_in_draw + (key >> KEY_LOG2) - 1u) % primitives_per_instance);
+    tw_PrimitiveID = int((first_in_draw + (triangle.key >> KEY_LOG2) - 1u) % primitives_per_instance);
     tw_HelperInvocation = helper;
     color_bits = uvec4(0u);
     tw_user_main();

@@ -9,12 +9,14 @@
 // src/reference/raster.rs if the shader neither discards nor writes depth.
 //
 // One subgroup is one workgroup is one bin. It walks the four sorted lists as one, triangle by
-// triangle, and runs the shader wherever a pixel of a quad is alive; a pixel's colour and depth stay
-// in memory, touched by one lane only.
+// triangle: first all pixels under its box are tested, then the shader runs in each quad where one of
+// them passed, with nothing to fetch between one quad and the next. A pixel's colour and depth stay in
+// memory, touched by one lane only.
 #version 460
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 
+const bool ONE_AT_A_TIME = true;
 #include "fragment.glsl"
 #include "lib/cells.glsl"
 #include "lib/blend.glsl"
@@ -29,6 +31,11 @@ layout(scalar, binding = 8) buffer Depth { float depth[]; };
 layout(scalar, binding = 9) writeonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 10) buffer Color { uint color[]; };
 layout(scalar, binding = 11) writeonly buffer BinBounds { vec2 bin_bounds[]; };
+
+// Patches of a bin are as many pixels as a subgroup has lanes. A lane has a bit for each, and narrow
+// subgroups, which have more than a word has bits, take the bin in parts.
+const uint PARTS = WIDTH < 8u ? 2u : 1u;
+const uint PATCHES = BIN_PIXELS / WIDTH / PARTS;
 
 bool compare(const uint operation, const float a, const float b) {
     switch (operation) {
@@ -80,28 +87,46 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
 
     // The pixels of a box have indices between those of its first and its last: indices grow with
     // both coordinates.
-    uint start = tile_index(uvec2(max(low, 0))) / WIDTH * WIDTH;
-    uint last = tile_index(uvec2(min(high, bin_last)));
-    for (uint first = start; first <= last; first += WIDTH) {
-        ivec2 p = ivec2(tile_pixel(first + lane));
-        ivec3 e = edges.at + edges.dx * p.x + edges.dy * p.y;
-        bool alive = (e.x | e.y | e.z) >= 0 && all(greaterThanEqual(p, low)) && all(lessThanEqual(p, high));
-        // Quads where nothing is alive stay out, whole: a vote of the subgroup costs more than the test.
-        if (any_of_quad(alive)) {
+    uint start = tile_index(uvec2(max(low, 0))) / WIDTH, last = tile_index(uvec2(min(high, bin_last))) / WIDTH;
+    ivec2 lane_pixel = ivec2(tile_pixel(lane));
+    [[dont_unroll]] for (uint part = 0u; part < PARTS; part++) {
+        // One bit for each patch of the part in which this lane's pixel passes.
+        uint passed = 0u;
+        uint end = min(last + 1u, (part + 1u) * PATCHES);
+        [[dont_unroll]] for (uint patch_at = max(start, part * PATCHES); patch_at < end; patch_at++) {
+            ivec2 p = ivec2(tile_pixel(patch_at * WIDTH)) + lane_pixel;
+            ivec3 e = edges.at + edges.dx * p.x + edges.dy * p.y;
+            bool alive = (e.x | e.y | e.z) >= 0 && all(greaterThanEqual(p, low)) && all(lessThanEqual(p, high));
+            if (alive && test && DEPTH != DEPTH_LATE) {
+                uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
+                float z = depth_at(z_plane.x, z_plane.y, z_plane.z, origin + p);
+                alive = compare(operation, z, depth[at]);
+                if (DEPTH == DEPTH_EARLY && alive && write) depth[at] = z;
+            }
+            passed |= alive ? 1u << (patch_at - part * PATCHES) : 0u;
+        }
+        uint left = passed | subgroupQuadSwapHorizontal(passed);
+        left |= subgroupQuadSwapVertical(left);
+        if (left == 0u) continue;
+
+        // Each quad takes its own patches, so that those with many of them do not wait for others.
+        Bound triangle = bind_triangle(key);
+        [[dont_unroll]] while (left != 0u) {
+            uint in_part = uint(findLSB(left));
+            left &= left - 1u;
+            bool alive = ((passed >> in_part) & 1u) != 0u;
+            uint first = (part * PATCHES + in_part) * WIDTH;
+            ivec2 p = ivec2(tile_pixel(first)) + lane_pixel;
+            shade(triangle, origin + p, !alive);
             uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
-            float z = depth_at(z_plane.x, z_plane.y, z_plane.z, origin + p);
-            if (test && DEPTH != DEPTH_LATE) alive = alive && compare(operation, z, depth[at]);
-            if (any_of_quad(alive)) {
-                if (DEPTH == DEPTH_EARLY && alive && test && write) depth[at] = z;
-                shade(key, origin + p, !alive);
-                bool keep = alive && !tw_HelperInvocation;
-                float late = tw_FragDepth > 0.0 ? min(tw_FragDepth, 1.0) : 0.0;
-                if (keep && test && DEPTH == DEPTH_LATE) keep = compare(operation, late, depth[at]);
-                if (keep) {
-                    if (test && write && DEPTH != DEPTH_EARLY) depth[at] = DEPTH == DEPTH_LATE ? late : z;
-                    visibility[bin * BIN_QUADS + ((first + lane) >> 2)][QUAD_LANE] = key;
-                    write_color(at, piece);
-                }
+            bool keep = alive && !tw_HelperInvocation;
+            float late = tw_FragDepth > 0.0 ? min(tw_FragDepth, 1.0) : 0.0;
+            if (keep && test && DEPTH == DEPTH_LATE) keep = compare(operation, late, depth[at]);
+            if (keep) {
+                float z = DEPTH == DEPTH_LATE ? late : tw_FragCoord.z;
+                if (test && write && DEPTH != DEPTH_EARLY) depth[at] = z;
+                visibility[bin * BIN_QUADS + ((first + lane) >> 2)][QUAD_LANE] = key;
+                write_color(at, piece);
             }
         }
     }

@@ -18,6 +18,7 @@
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 
+const bool ONE_AT_A_TIME = false;
 #include "fragment.glsl"
 
 layout(constant_id = SPEC_FORMAT) const uint FORMAT = 0u;
@@ -72,7 +73,7 @@ void main() {
             bool mine = next + (lane >> 2) < count && quad_keys[QUAD_LANE] == key;
 
             uvec2 pixel = (position << BIN_SIZE_LOG2) + tile_pixel((first + from) * 4u + QUAD_LANE);
-            shade(key, ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
+            shade(bind_triangle(key), ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
             // No `continue`: the lanes of the quad must be together again for the next one.
             if (mine) {
                 uvec2 words = color_encode(FORMAT, uintBitsToFloat(color_bits));
