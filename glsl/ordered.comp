@@ -50,12 +50,13 @@ bool compare(const uint operation, const float a, const float b) {
     }
 }
 
-void write_color(const uint at, const uint piece) {
+// Writes the shader's colour; `equations` are those of colour and alpha, if the piece blends.
+void write_color(const uint at, const bool blends, const uvec2 equations) {
     vec4 source = uintBitsToFloat(color_bits);
-    if (pieces[piece].blend != 0u) {
+    if (blends) {
         uvec2 held = FORMAT == FORMAT_RGBA16_FLOAT ? uvec2(color[2u * at], color[2u * at + 1u]) : uvec2(color[at], 0u);
         if (FORMAT != FORMAT_RGBA16_FLOAT) source = saturate(source);
-        source = blend(pieces[piece].blend_color, pieces[piece].blend_alpha, source, color_decode(FORMAT, held));
+        source = blend(equations.x, equations.y, source, color_decode(FORMAT, held));
     }
     uvec2 words = color_encode(FORMAT, source);
     if (FORMAT == FORMAT_RGBA16_FLOAT) {
@@ -84,6 +85,8 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     vec3 z_plane = uintBitsToFloat(depth_piece.xyz);
     bool test = pieces[piece].depth_test != 0u, write = pieces[piece].depth_write != 0u;
     uint operation = pieces[piece].depth_compare;
+    bool blends = pieces[piece].blend != 0u;
+    uvec2 equations = uvec2(pieces[piece].blend_color, pieces[piece].blend_alpha);
 
     // The pixels of a box have indices between those of its first and its last: indices grow with
     // both coordinates.
@@ -126,7 +129,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                 float z = DEPTH == DEPTH_LATE ? late : tw_FragCoord.z;
                 if (test && write && DEPTH != DEPTH_EARLY) depth[at] = z;
                 visibility[bin * BIN_QUADS + ((first + lane) >> 2)][QUAD_LANE] = key;
-                write_color(at, piece);
+                write_color(at, blends, equations);
             }
         }
     }
