@@ -1,8 +1,11 @@
 //! The buffers of a frame, and the recording that fills them.
 
 use super::{
-    Renderer, binning, clear, kernels::color_format, ordered, primitive, raster, shade,
-    target::Target, vertex,
+    Renderer, binning, clear,
+    kernels::{Wanted, color_format},
+    ordered, primitive, raster, shade,
+    target::Target,
+    vertex,
 };
 use crate::{
     abi::{Attribute, Batch, Piece, Triangle},
@@ -179,22 +182,35 @@ impl Setup {
             shade_args_start: Buffer::upload(gpu, "first shade arguments", &start)?,
             shade_bins: words_of("shade bins", fragment_kernels * band.bins() as usize)?,
         };
-        let kernels = &mut renderer.kernels;
-        let vertex = plan.vertex_kernels.iter().map(|key| kernels.vertex(key));
-        let vertex = vertex.collect::<Result<_>>()?;
-        let (mut fragment, mut raster) = (Vec::new(), Vec::new());
-        for batch in &plan.batches {
-            raster.push(match batch.method {
-                Method::Opaque(compare) => Some(kernels.raster(compare)?),
+        let vertex: Vec<Wanted> =
+            plan.vertex_kernels.iter().map(|key| Wanted::Vertex(key.clone())).collect();
+        let wanted = |batch: &BatchPlan| {
+            let keys = batch.fragment_kernels.iter().map(|&k| plan.fragment_kernels[k].clone());
+            let fragment = keys.map(|key| match batch.method {
+                Method::Opaque(_) => Wanted::Shade(key, format),
+                Method::Ordered { depth, .. } => Wanted::Ordered(key, format, depth),
+            });
+            let raster = match batch.method {
+                Method::Opaque(compare) => Some(Wanted::Raster(compare)),
                 Method::Ordered { .. } => None,
-            });
-            let keys = batch.fragment_kernels.iter().map(|&k| &plan.fragment_kernels[k]);
-            let made = keys.map(|key| match batch.method {
-                Method::Opaque(_) => kernels.shade(key, format),
-                Method::Ordered { depth, .. } => kernels.ordered(key, format, depth),
-            });
-            fragment.push(made.collect::<Result<_>>()?);
-        }
+            };
+            (raster, fragment.collect::<Vec<_>>())
+        };
+        let batches: Vec<_> = plan.batches.iter().map(wanted).collect();
+        let of_batches =
+            batches.iter().flat_map(|(raster, fragment)| raster.iter().chain(fragment));
+        let all: Vec<Wanted> = vertex.iter().chain(of_batches).cloned().collect();
+        let kernels = &mut renderer.kernels;
+        kernels.make(&all)?;
+        let kernels = PlanKernels {
+            vertex: vertex.iter().map(|wanted| kernels.get(wanted)).collect::<Result<_>>()?,
+            raster: (batches.iter())
+                .map(|(raster, _)| raster.as_ref().map(|wanted| kernels.get(wanted)).transpose())
+                .collect::<Result<_>>()?,
+            fragment: (batches.iter())
+                .map(|(_, all)| all.iter().map(|wanted| kernels.get(wanted)).collect())
+                .collect::<Result<_>>()?,
+        };
         Ok(Setup {
             gpu: gpu.clone(),
             extent: pass.extent,
@@ -210,7 +226,7 @@ impl Setup {
                 .iter()
                 .map(|band| Target::new(gpu, band, pass.color.format))
                 .collect::<Result<_>>()?,
-            kernels: PlanKernels { vertex, fragment, raster },
+            kernels,
             bands,
             capacities,
         })

@@ -11,13 +11,19 @@ use crate::{
     state::Compare,
     vk::{DeviceKind, Gpu, Kernel, KernelInfo},
 };
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What a spliced kernel is made for, beside its shader.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Variant {
-    Vertex,
-    Shade(u32),
-    Ordered { format: u32, depth: u32 },
+/// A kernel that passes need or not.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Wanted {
+    /// Raster with a depth comparison.
+    Raster(Compare),
+    /// Vertex shading.
+    Vertex(KernelKey),
+    /// Shading of opaque work into a colour format.
+    Shade(KernelKey, u32),
+    /// Ordered work into a colour format, with a depth mode.
+    Ordered(KernelKey, u32, u32),
 }
 
 /// All kernels of a renderer.
@@ -30,8 +36,7 @@ pub struct Kernels {
     pub scan: Kernel,
     pub scatter: Kernel,
     pub sort: Kernel,
-    raster: Vec<(Compare, Kernel)>,
-    spliced: Vec<(Variant, KernelKey, Kernel)>,
+    made: Vec<(Wanted, Kernel)>,
 }
 
 /// The `abi` number of a colour format.
@@ -46,56 +51,93 @@ pub fn color_format(format: Format) -> u32 {
 impl Kernels {
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let width = gpu.limits().subgroup_size;
-        let plain =
-            |name, spirv| Kernel::new(gpu, &KernelInfo { name, spirv, ..KernelInfo::default() });
-        let wide = |name, spirv| wide(gpu, name, spirv, width, &[]);
+        let plain = |name, spirv| KernelInfo { name, spirv, ..KernelInfo::default() };
+        let constants = [("WIDTH", width)];
+        let wide = |name, spirv| KernelInfo {
+            constants: &constants,
+            full_subgroups: true,
+            subgroup_size: Some(width),
+            ..plain(name, spirv)
+        };
+        let infos = [
+            plain("clear", kernels::CLEAR),
+            plain("primitive", kernels::PRIMITIVE),
+            wide("binning_scan", kernels::BINNING_SCAN),
+            plain("binning_scatter", kernels::BINNING_SCATTER),
+            wide("binning_sort", kernels::BINNING_SORT),
+        ];
+        let made = in_parallel(&infos, |info| Kernel::new(gpu, info))?;
+        let [clear, primitive, scan, scatter, sort] =
+            made.try_into().expect("as many kernels as infos");
         Ok(Self {
-            width,
-            clear: plain("clear", kernels::CLEAR)?,
-            primitive: plain("primitive", kernels::PRIMITIVE)?,
-            scan: wide("binning_scan", kernels::BINNING_SCAN)?,
-            scatter: plain("binning_scatter", kernels::BINNING_SCATTER)?,
-            sort: wide("binning_sort", kernels::BINNING_SORT)?,
-            raster: Vec::new(),
-            spliced: Vec::new(),
             gpu: gpu.clone(),
+            width,
+            clear,
+            primitive,
+            scan,
+            scatter,
+            sort,
+            made: Vec::new(),
         })
     }
 
-    pub fn raster(&mut self, compare: Compare) -> Result<Kernel> {
-        let known = self.raster.iter().find(|(known, _)| *known == compare);
-        if let Some((_, kernel)) = known {
-            return Ok(kernel.clone());
+    /// Makes those of `wanted` that are not there yet, as many at a time as the machine has cores:
+    /// drivers take tens of milliseconds for each.
+    ///
+    /// # Errors
+    /// [`crate::Error::Shader`] if a shader is out of reach, [`crate::Error::Device`] if the driver
+    /// refuses a kernel.
+    pub fn make(&mut self, wanted: &[Wanted]) -> Result<()> {
+        let mut missing: Vec<&Wanted> = Vec::new();
+        for one in wanted {
+            if !missing.contains(&one) && !self.made.iter().any(|(known, _)| known == one) {
+                missing.push(one);
+            }
         }
-        // To a CPU, shared memory is nothing special, and the driver does not read it by address.
-        let in_place = self.gpu.reads_by_address().into();
-        let constants = [("COMPARE", compare as u32), ("IN_PLACE", in_place)];
-        let kernel = wide(&self.gpu, "raster", kernels::RASTER, self.width, &constants)?;
-        self.raster.push((compare, kernel.clone()));
-        Ok(kernel)
+        let made = in_parallel(&missing, |wanted| self.kernel(wanted))?;
+        self.made.extend(missing.into_iter().cloned().zip(made));
+        Ok(())
     }
 
-    pub fn vertex(&mut self, key: &KernelKey) -> Result<Kernel> {
-        self.spliced(Variant::Vertex, key)
+    /// A kernel, made if it is not there yet.
+    ///
+    /// # Errors
+    /// As [`Kernels::make`].
+    pub fn get(&mut self, wanted: &Wanted) -> Result<Kernel> {
+        self.make(std::slice::from_ref(wanted))?;
+        let found = self.made.iter().find(|(known, _)| known == wanted);
+        Ok(found.expect("it was made").1.clone())
     }
 
-    pub fn shade(&mut self, key: &KernelKey, format: u32) -> Result<Kernel> {
-        self.spliced(Variant::Shade(format), key)
-    }
-
-    pub fn ordered(&mut self, key: &KernelKey, format: u32, depth: u32) -> Result<Kernel> {
-        self.spliced(Variant::Ordered { format, depth }, key)
-    }
-
-    fn spliced(&mut self, variant: Variant, key: &KernelKey) -> Result<Kernel> {
-        let known = self.spliced.iter().find(|(v, k, _)| *v == variant && k == key);
-        if let Some((.., kernel)) = known {
-            return Ok(kernel.clone());
-        }
-        let (stage, words) = match variant {
-            Variant::Vertex => ("vertex", kernels::VERTEX),
-            Variant::Shade(_) => ("shade", kernels::SHADE),
-            Variant::Ordered { .. } => ("ordered", kernels::ORDERED),
+    fn kernel(&self, wanted: &Wanted) -> Result<Kernel> {
+        let width = self.width;
+        let (stage, words, key, constants) = match wanted {
+            Wanted::Raster(compare) => {
+                // To a CPU, shared memory is nothing special, and the driver does not read it by
+                // address.
+                let in_place = self.gpu.reads_by_address().into();
+                let constants =
+                    [("WIDTH", width), ("COMPARE", *compare as u32), ("IN_PLACE", in_place)];
+                let info = KernelInfo {
+                    name: "raster",
+                    spirv: kernels::RASTER,
+                    constants: &constants,
+                    full_subgroups: true,
+                    subgroup_size: Some(width),
+                    ..KernelInfo::default()
+                };
+                return Kernel::new(&self.gpu, &info);
+            }
+            Wanted::Vertex(key) => {
+                ("vertex", kernels::VERTEX, key, vec![("LANES", vertex::lanes(width))])
+            }
+            Wanted::Shade(key, format) => {
+                ("shade", kernels::SHADE, key, vec![("WIDTH", width), ("FORMAT", *format)])
+            }
+            Wanted::Ordered(key, format, depth) => {
+                let constants = vec![("WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
+                ("ordered", kernels::ORDERED, key, constants)
+            }
         };
         let native = self.gpu.has_compute_derivatives();
         let options = SpliceOptions {
@@ -108,44 +150,45 @@ impl Kernels {
             specialization: &key.specialization,
         };
         let spliced = splice(words, &key.shader, &options)?;
-        let name = format!("{stage} {}", key.shader.label);
-        let width = self.width;
-        let constants: &[(&str, u32)] = match variant {
-            Variant::Vertex => &[("LANES", vertex::lanes(width))],
-            Variant::Shade(format) => &[("WIDTH", width), ("FORMAT", format)],
-            Variant::Ordered { format, depth } => {
-                &[("WIDTH", width), ("FORMAT", format), ("DEPTH", depth)]
-            }
-        };
         let attributes = key.attributes.iter();
         let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
         let constant_ids: Vec<_> = key.specialization.iter().copied().chain(attributes).collect();
         let info = KernelInfo {
-            name: &name,
+            name: &format!("{stage} {}", key.shader.label),
             spirv: &spliced.spirv,
-            constants,
+            constants: &constants,
             constant_ids: &constant_ids,
             full_subgroups: true,
             subgroup_size: Some(width),
         };
-        let kernel = Kernel::new(&self.gpu, &info)?;
-        self.spliced.push((variant, key.clone(), kernel.clone()));
-        Ok(kernel)
+        Kernel::new(&self.gpu, &info)
     }
 }
 
-/// A kernel whose workgroup is one subgroup.
-fn wide(gpu: &Gpu, name: &str, spirv: &[u32], width: u32, more: &[(&str, u32)]) -> Result<Kernel> {
-    let constants: Vec<_> = [("WIDTH", width)].into_iter().chain(more.iter().copied()).collect();
-    Kernel::new(
-        gpu,
-        &KernelInfo {
-            name,
-            spirv,
-            constants: &constants,
-            full_subgroups: true,
-            subgroup_size: Some(width),
-            ..KernelInfo::default()
-        },
-    )
+/// `make` of each of `inputs`, on as many threads as the machine has cores; the first error in their
+/// order.
+fn in_parallel<I: Sync, O: Send>(
+    inputs: &[I],
+    make: impl Fn(&I) -> Result<O> + Sync,
+) -> Result<Vec<O>> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(inputs.len());
+    if threads <= 1 {
+        return inputs.iter().map(make).collect();
+    }
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let taken = std::iter::from_fn(|| Some(next.fetch_add(1, Ordering::Relaxed)));
+        let taken = taken.map_while(|n| Some((n, inputs.get(n)?)));
+        taken.map(|(n, input)| (n, make(input))).collect::<Vec<_>>()
+    };
+    let mut made: Vec<(usize, Result<O>)> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (1..threads).map(|_| scope.spawn(work)).collect();
+        let mut all = work();
+        for thread in threads {
+            all.extend(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        }
+        all
+    });
+    made.sort_by_key(|(n, _)| *n);
+    made.into_iter().map(|(_, one)| one).collect()
 }

@@ -42,7 +42,7 @@ use crate::{
     trace::Trace,
     vk::{Gpu, Resources},
 };
-use kernels::Kernels;
+use kernels::{Kernels, Wanted};
 use slots::{TableSlots, Tables};
 use std::sync::Arc;
 
@@ -105,11 +105,11 @@ impl Renderer {
             attributes: Vec::new(),
         };
         match shader.stage {
-            Stage::Vertex => self.kernels.vertex(&key).map(|_| ()),
+            Stage::Vertex => self.kernels.make(&[Wanted::Vertex(key)]),
             Stage::Fragment => {
                 let format = kernels::color_format(Format::Rgba8Srgb);
-                self.kernels.shade(&key, format)?;
-                self.kernels.ordered(&key, format, abi::DEPTH_EARLY_TEST).map(|_| ())
+                let ordered = Wanted::Ordered(key.clone(), format, abi::DEPTH_EARLY_TEST);
+                self.kernels.make(&[Wanted::Shade(key, format), ordered])
             }
         }
     }
