@@ -34,9 +34,10 @@ use std::{
 
 /// Slots of each kind. What a device offers less of is cut down when it is opened.
 ///
-/// CPU drivers spend memory and time on every slot, used or not: lavapipe a seventh of a microsecond. The default is enough for ten thousand draws with blocks of their own. (Tried: a
-/// variable descriptor count that grows with the pass. lavapipe allocates for the most that the layout
-/// allows, whatever the count.)
+/// CPU drivers spend memory and time on every slot, used or not: lavapipe a seventh of a microsecond.
+/// The default is enough for ten thousand draws with blocks of their own; a pass that binds more has
+/// several tables. (Tried: a variable descriptor count that grows with the pass. Lavapipe allocates for
+/// the most that the layout allows, whatever the count.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TableSizes {
     /// Binding 0: images with their samplers.
@@ -360,8 +361,8 @@ impl ResourceTable {
         let slot = self.used[binding];
         if slot == size {
             return Err(Error::Full(format!(
-                "the resource table on {} has {size} {}, all taken: draw in several passes, or open \
-                 the device with a larger `GpuOptions::table`",
+                "the resource table on {} has {size} {}, all taken by one draw: open the device with a \
+                 larger `GpuOptions::table`",
                 self.raw.gpu.name(),
                 KINDS[binding].1
             )));

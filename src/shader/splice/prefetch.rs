@@ -1,14 +1,14 @@
 //! Reads parts of uniform blocks once for many calls.
 //!
 //! A block in the engine's table is found through an index that the draw decides. CPU drivers fetch
-//! each word of it lane by lane, six nanoseconds for eight lanes on lavapipe, and a common material
-//! reads eighty for every fragment. Kernels run the user's code many times for one draw; so what it
-//! reads at places that are known in advance is brought into private variables when the kernel binds
-//! a draw (`tw_user_bind`), and its code reads those. The kernel's hook brings four words at a time: where
-//! the lanes of a quad are of one draw, each of them fetches one.
+//! each word of it lane by lane, through a descriptor that may differ from lane to lane, and a common
+//! material reads eighty for every fragment. Kernels run the user's code many times for one draw; so
+//! what it reads at places that are known in advance is brought into private variables when the kernel
+//! binds a draw (`tw_user_bind`), and its code reads those. The kernel's hook brings four words at a
+//! time: where the lanes of a quad are of one draw, each of them fetches one.
 //!
-//! Only scalars, vectors and matrices of 32-bit numbers that are read as a whole are brought; what is indexed at run
-//! time stays where it is.
+//! Only scalars, vectors and matrices of 32-bit numbers that are read as a whole are brought; what is
+//! indexed at run time stays where it is.
 
 use super::{
     hooks::Hooks,
