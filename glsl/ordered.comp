@@ -138,7 +138,8 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
 void main() {
     uvec2 position = bin_position(bins[gl_WorkGroupID.x]);
     uint bin = position.y * batch.bins_x + position.x;
-    for (uint i = gl_SubgroupInvocationID; i < BIN_QUADS; i += WIDTH) visibility[bin * BIN_QUADS + i] = uvec4(0u);
+    // Each pixel by the lane that draws to it: nothing orders what other lanes write.
+    for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) visibility[bin * BIN_QUADS + (i >> 2)][i & 3u] = 0u;
     // Depth is written here and there, in any direction.
     if (gl_SubgroupInvocationID == 0u) bin_bounds[bin] = vec2(0.0, 1.0);
     uint at[CELL_LEVELS], end[CELL_LEVELS];

@@ -3,7 +3,7 @@
 // Reads: the non-empty bins, the lists of their cells, triangles, depth.
 // Writes: of the bins where the batch shows something: `visibility`, the key of the triangle each pixel
 // shows, or 0; depth and its bounds; for each fragment kernel of the batch the bins where it has
-// pixels.
+// pixels. Visibility of other bins may be overwritten by zeros.
 // Contract: the winner of a pixel is the triangle that the depth test would leave standing had all
 // of the batch been drawn in API order; its order in the lists does not matter.
 // Kernel / Twin: src/compute/raster.rs, src/reference/raster.rs.

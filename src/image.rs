@@ -114,11 +114,15 @@ impl Image {
     }
 }
 
-/// The texel that a linear RGBA value becomes in an 8-bit format; `None` for other formats.
+/// The texel that a linear RGBA value becomes in an 8-bit format, to the bit as kernels encode it; `None`
+/// for other formats.
 pub fn texel_rgba8(format: Format, linear: [f32; 4]) -> Option<[u8; 4]> {
     match format {
         Format::Rgba8Unorm => Some(linear.map(to_unorm8)),
-        Format::Rgba8Srgb => Some(shown(linear)),
+        Format::Rgba8Srgb => {
+            let [r, g, b, a] = linear.map(|c| if c > 0.0 { c.min(1.0) } else { 0.0 });
+            Some([kernel_srgb(r), kernel_srgb(g), kernel_srgb(b), a].map(to_unorm8))
+        }
         _ => None,
     }
 }
@@ -150,15 +154,32 @@ pub fn linear_to_srgb(linear: f32) -> f32 {
     (if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }) as f32
 }
 
+/// The sRGB transfer function as `glsl/lib/color.glsl` has it, operation for operation.
+fn kernel_srgb(c: f32) -> f32 {
+    if c <= 0.003_130_8 {
+        return 12.92 * c;
+    }
+    let m = f32::from_bits(c.to_bits() & 0x7f_ffff | 0x3f80_0000);
+    let k = 127 - (c.to_bits() >> 23);
+    let mut power = 0.433_846_95
+        + m * (0.874_447_5 + m * (-0.335_793_08 + m * (0.093_934_77 - m * 0.011_425_173)));
+    let factors = [0.749_153_55, 0.561_231, 0.314_980_27, 0.099_212_565];
+    for (bit, factor) in factors.into_iter().enumerate() {
+        power *= if k >> bit & 1 != 0 { factor } else { 1.0 };
+    }
+    power - 0.055
+}
+
 /// A linear colour as a screen shows it.
 fn shown([r, g, b, a]: [f32; 4]) -> [u8; 4] {
     let [r, g, b] = [r, g, b].map(linear_to_srgb);
     [r, g, b, a].map(to_unorm8)
 }
 
-/// Rounds to the nearest of 0..=255; not-a-number becomes 0, as the specification of UNORM says.
+/// Rounds to the nearest of 0..=255, of two that are as near to the even one, as kernels do;
+/// not-a-number becomes 0, as the specification of UNORM says.
 fn to_unorm8(value: f32) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0).round() as u8
+    (value.clamp(0.0, 1.0) * 255.0).round_ties_even() as u8
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use rspirv::binary::Assemble;
 use std::{fs, path::Path};
 use tilewright::{
     abi,
-    image::linear_to_srgb,
+    format::Format,
+    image::{linear_to_srgb, texel_rgba8},
     vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
 };
 
@@ -26,12 +27,14 @@ fn probe<I: Pod, O: Pod>(gpu: &Gpu, includes: &[&str], body: &str, inputs: &[I])
 #define MAX_CLIPPED {}u
 #define BIN_PIXELS {}u
 #define FORMAT_RGBA8_SRGB {}u
+#define FORMAT_RGBA8_UNORM {}u
 #define FORMAT_RGBA16_FLOAT {}u\n",
         abi::SUBPIXEL_BITS,
         abi::KEY_LOG2,
         abi::MAX_CLIPPED,
         abi::BIN_PIXELS,
         abi::FORMAT_RGBA8_SRGB,
+        abi::FORMAT_RGBA8_UNORM,
         abi::FORMAT_RGBA16_FLOAT
     );
     for include in includes {
@@ -207,6 +210,30 @@ fn srgb_is_what_the_standard_says() {
             assert_eq!(*code, back, "decoded and encoded again");
             let error = 255.0 * linear_to_srgb(f32::from_bits(light)) - (code & 0xff) as f32;
             assert!(error.abs() < 0.014, "{code:#x} decodes to a light wrong by {error} of 255");
+        }
+    });
+}
+
+#[test]
+fn texels_are_encoded_as_the_host_encodes_clears() {
+    on_each_gpu("texels", |gpu| {
+        let mut random = Random::new(6);
+        let colors: Vec<[f32; 4]> = (0..CASES)
+            .map(|i| match i {
+                0..256 => [(i as f32 + 0.5) / 255.0; 4],
+                256..267 => [(i - 256) as f32 / 10.0; 4],
+                267 => [f32::NAN, -1.0, 2.0, 1e-30],
+                _ => std::array::from_fn(|_| 2f32.powf(-12.0 * random.unit())),
+            })
+            .collect();
+        let body = "vec4 c = uintBitsToFloat(v);
+            r.x = color_encode(FORMAT_RGBA8_UNORM, c).x; r.y = color_encode(FORMAT_RGBA8_SRGB, c).x;";
+        let texels: Vec<[u32; 4]> = probe(gpu, &["lib/color.glsl"], body, &colors);
+        for (color, [unorm, srgb, ..]) in colors.iter().zip(texels) {
+            for (format, device) in [(Format::Rgba8Unorm, unorm), (Format::Rgba8Srgb, srgb)] {
+                let host = texel_rgba8(format, *color).expect("an 8-bit format");
+                assert_eq!(device.to_le_bytes(), host, "{color:?} in {format:?}");
+            }
         }
     });
 }

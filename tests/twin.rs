@@ -8,14 +8,14 @@ use tilewright::{
     format::{Format, VertexFormat},
     grid::Capacities,
     image::Extent,
-    pass::{Buffer, BufferRange, Draw, IndexFormat, Indices, Pass, Pipeline, StepRate},
+    pass::{Buffer, BufferRange, Draw, Executor, IndexFormat, Indices, Pass, Pipeline, StepRate},
     pass::{VertexAttribute, VertexBinding},
     reference,
     scene::{PassOptions, Scene},
     shader::{Shader, Stage},
     state::{Blend, Compare, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
-    vk::Gpu,
+    vk::{Gpu, GpuOptions},
 };
 
 /// Takes clip-space positions as they are.
@@ -241,6 +241,28 @@ fn built_in_scenes(gpu: &Gpu, extent: Extent) {
 #[test]
 fn built_in_scenes_on_the_driver_under_test() {
     built_in_scenes(&common::gpu(), Extent::new(333, 187));
+}
+
+/// How kernels reach buffers, by address or by descriptor, decides nothing; and by descriptor the
+/// validation layer sees all of it, a barrier that is missing included.
+#[test]
+fn built_in_scenes_by_descriptor_are_those_by_address() {
+    let device = Some(common::device_under_test().index.to_string());
+    let options =
+        |by_address| GpuOptions { device: device.clone(), by_address, ..GpuOptions::default() };
+    let gpus = [true, false].map(|by_address| common::open_with(options(by_address)));
+    for name in Scene::builtin_names() {
+        let scene = Scene::builtin(name).expect("it is built in");
+        let extent = Extent::new(331, 211);
+        let camera = scene.default_camera(extent);
+        let pass = scene.pass(extent, &camera, &PassOptions::default()).expect("a valid pass");
+        let [by_address, by_descriptor] = gpus.each_ref().map(|gpu| {
+            let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+            renderer.render(&pass).expect("it is drawn")
+        });
+        assert!(by_address.color == by_descriptor.color, "{name}: colours differ");
+        assert!(by_address.depth == by_descriptor.depth, "{name}: depths differ");
+    }
 }
 
 #[test]

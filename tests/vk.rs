@@ -1,6 +1,6 @@
 //! Does the device layer do what it promises, on every driver, without a validation message?
 
-use crate::common::{gpu, kernel_spirv, on_each_gpu};
+use crate::common::{gpu, kernel_spirv, on_each_gpu, open_with};
 use std::time::{Duration, Instant};
 use tilewright::{
     Error,
@@ -213,7 +213,8 @@ fn a_dispatch_sees_what_the_one_before_it_wrote() {
 /// happen to survive is reported.
 #[test]
 fn a_missing_barrier_is_reported_by_the_validation_layer() {
-    let gpu = gpu();
+    let device = Some(gpu().info().index.to_string());
+    let gpu = open_with(GpuOptions { device, by_address: false, ..GpuOptions::default() });
     let (kernel, cells) = add(&gpu);
     let mut recorder = Recorder::new(&gpu, "dependent commands in a group").unwrap();
     let group = |recorder: &mut Recorder| {

@@ -43,6 +43,10 @@ impl Slots for Nowhere {
         Ok(0)
     }
 
+    fn is_full(&self) -> bool {
+        false
+    }
+
     fn next_table(&mut self) -> Result<()> {
         Ok(())
     }

@@ -13,7 +13,7 @@ use crate::{
 };
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A kernel that passes need or not.
+/// A kernel that is made when a pass wants it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wanted {
     /// Raster with a depth comparison.
@@ -66,7 +66,8 @@ impl Kernels {
             plain("binning_scatter", kernels::BINNING_SCATTER),
             wide("binning_sort", kernels::BINNING_SORT),
         ];
-        let made = in_parallel(&infos, |info| Kernel::new(gpu, info))?;
+        let made = in_parallel(&infos, |info| Kernel::new(gpu, info));
+        let made = made.into_iter().collect::<Result<Vec<_>>>()?;
         let [clear, primitive, scan, scatter, sort] =
             made.try_into().expect("as many kernels as infos");
         Ok(Self {
@@ -94,9 +95,16 @@ impl Kernels {
                 missing.push(one);
             }
         }
-        let made = in_parallel(&missing, |wanted| self.kernel(wanted))?;
-        self.made.extend(missing.into_iter().cloned().zip(made));
-        Ok(())
+        let made = in_parallel(&missing, |wanted| self.kernel(wanted));
+        let mut outcome = Ok(());
+        let missing: Vec<Wanted> = missing.into_iter().cloned().collect();
+        for (wanted, made) in missing.into_iter().zip(made) {
+            match made {
+                Ok(kernel) => self.made.push((wanted, kernel)),
+                Err(error) => outcome = outcome.and(Err(error)),
+            }
+        }
+        outcome
     }
 
     /// A kernel, made if it is not there yet.
@@ -165,16 +173,15 @@ impl Kernels {
     }
 }
 
-/// `make` of each of `inputs`, on as many threads as the machine has cores; the first error in their
-/// order.
+/// Stack of a thread that makes kernels: drivers and the splicer expect that of a main thread.
+const STACK_BYTES: usize = 8 << 20;
+
+/// `make` of each of `inputs`, on as many threads as the machine has cores.
 fn in_parallel<I: Sync, O: Send>(
     inputs: &[I],
     make: impl Fn(&I) -> Result<O> + Sync,
-) -> Result<Vec<O>> {
+) -> Vec<Result<O>> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(inputs.len());
-    if threads <= 1 {
-        return inputs.iter().map(make).collect();
-    }
     let next = AtomicUsize::new(0);
     let work = || {
         let taken = std::iter::from_fn(|| Some(next.fetch_add(1, Ordering::Relaxed)));
@@ -182,9 +189,12 @@ fn in_parallel<I: Sync, O: Send>(
         taken.map(|(n, input)| (n, make(input))).collect::<Vec<_>>()
     };
     let mut made: Vec<(usize, Result<O>)> = std::thread::scope(|scope| {
-        let threads: Vec<_> = (1..threads).map(|_| scope.spawn(work)).collect();
+        // Where the system refuses a thread, the others do its work.
+        let thread = || std::thread::Builder::new().stack_size(STACK_BYTES);
+        let spawned: Vec<_> =
+            (1..threads).filter_map(|_| thread().spawn_scoped(scope, work).ok()).collect();
         let mut all = work();
-        for thread in threads {
+        for thread in spawned {
             all.extend(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
         }
         all

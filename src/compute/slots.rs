@@ -9,10 +9,10 @@ use crate::{
 };
 use std::{collections::HashMap, sync::Arc};
 
-/// Push-constant blocks lie this far apart: the largest alignment a device may ask for.
-const PUSH_STRIDE: usize = 256;
-/// Push-constant blocks of one buffer.
-const PUSH_BLOCKS: usize = 4096;
+/// Push-constant blocks begin at multiples of this: the largest alignment a device may ask for.
+const PUSH_ALIGNMENT: usize = 256;
+/// Bytes of a buffer of push-constant blocks, if one block is not more.
+const PUSH_BYTES: usize = 1 << 20;
 
 /// Uploads what the planner asks for and hands out slots.
 pub struct TableSlots<'a> {
@@ -21,7 +21,7 @@ pub struct TableSlots<'a> {
     tables: Tables,
     /// Slots of push-constant blocks by content: draws often share theirs.
     pushed: HashMap<Vec<u8>, u32>,
-    /// The push-constant buffer that is being filled, and the blocks in it.
+    /// The push-constant buffer that is being filled, and the bytes that are.
     open: Option<(Buffer<u8>, usize)>,
     /// First slots of buffers that have several.
     long: HashMap<*const pass::Buffer, u32>,
@@ -142,19 +142,22 @@ impl Slots for TableSlots<'_> {
         if let Some(&slot) = self.pushed.get(bytes) {
             return Ok(slot);
         }
-        let (buffer, used) = match self.open.take() {
-            Some((buffer, used)) if used < PUSH_BLOCKS => (buffer, used),
-            _ => {
-                let bytes = PUSH_STRIDE * PUSH_BLOCKS;
-                (Buffer::new(self.gpu, "push constants", bytes, Memory::Upload)?, 0)
-            }
-        };
-        let at = used * PUSH_STRIDE;
-        buffer.write(at, bytes)?;
-        let slot = self.table().insert_buffer(&buffer.slice(at..at + PUSH_STRIDE)?)?;
+        let stride = bytes.len().next_multiple_of(PUSH_ALIGNMENT);
+        if self.open.as_ref().is_none_or(|(buffer, used)| used + stride > buffer.len()) {
+            let length = PUSH_BYTES.max(stride);
+            self.open = Some((Buffer::new(self.gpu, "push constants", length, Memory::Upload)?, 0));
+        }
+        let Some((buffer, used)) = &mut self.open else { unreachable!("it was opened") };
+        buffer.write(*used, bytes)?;
+        let block = buffer.slice(*used..*used + stride)?;
+        *used += stride;
+        let slot = self.table().insert_buffer(&block)?;
         self.pushed.insert(bytes.to_vec(), slot);
-        self.open = Some((buffer, used + 1));
         Ok(slot)
+    }
+
+    fn is_full(&self) -> bool {
+        self.tables.tables.last().is_some_and(ResourceTable::is_full)
     }
 
     fn next_table(&mut self) -> Result<()> {

@@ -25,7 +25,7 @@ impl Planner<'_> {
             ))
         })?;
         let template = match self.template(draw, &pipeline, ways) {
-            Err(Error::Full(_)) if self.in_table > 0 => {
+            Err(Error::Full(_)) if self.in_table > 0 && self.slots.is_full() => {
                 self.close();
                 self.slots.next_table()?;
                 (self.table, self.in_table) = (self.table + 1, 0);

@@ -40,6 +40,8 @@ pub trait Slots {
     fn bindings(&mut self, resources: &[Binding]) -> Result<u32>;
     /// The slot of a push-constant block.
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32>;
+    /// Whether the table has no slot left of some kind, so that it was what refused a draw.
+    fn is_full(&self) -> bool;
     /// Begins another table, which has all slots free.
     fn next_table(&mut self) -> Result<()>;
 }

@@ -1,10 +1,11 @@
-//! Read-only blocks of a kernel by address instead of by descriptor.
+//! Storage blocks of a kernel by address instead of by descriptor.
 //!
-//! A kernel names its blocks as any shader does. For drivers that read memory behind an address better
-//! than storage blocks, this pass rewrites those that it only reads: their addresses come in one
-//! uniform block, and what was a chain from a variable becomes a chain from a pointer. The engine's own
-//! view of the resource table, an array of blocks of words, becomes an array of addresses in the same way.
-//! Blocks that are written stay as they are.
+//! A kernel names its blocks as any shader does. For drivers that reach memory behind an address better
+//! than storage blocks, this pass rewrites those of set 0 whose parts are loaded, stored and changed by
+//! atomics only: their addresses come in one uniform block, and what was a chain from a variable becomes
+//! a chain from a pointer. The engine's own view of the resource table, an array of read-only blocks of
+//! words, becomes an array of addresses in the same way. Blocks whose length is asked for, and what
+//! users' shaders see of the table, stay as they are.
 //!
 //! Lavapipe is such a driver. It reads a storage block lane by lane, each with its own descriptor, check
 //! of bounds and branches: for eight lanes about 90 instructions in 24 basic blocks, which is both the
@@ -47,12 +48,10 @@ struct Block {
     table: Option<(Word, Word)>,
 }
 
-/// Words are aligned so, and vectors of them need not be more.
-const WORD_BYTES: u32 = 4;
 /// Bytes of an address.
 const ADDRESS_BYTES: u32 = 8;
 
-/// Replaces the read-only blocks of a kernel; nothing if it has none.
+/// Replaces the blocks of a kernel that can be; nothing if it has none.
 pub(super) fn lower(words: &[u32]) -> std::result::Result<Option<Addressed>, String> {
     let module = dr::load_words(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
     let mut pass = Pass::new(module);
@@ -197,7 +196,9 @@ impl Pass {
                 && (!self.is_words(ty)
                     || !read_only.contains(&ty)
                     || found.iter().any(|block| block.binding.is_none()));
-            if !again && self.only_memory(id) {
+            // Numbers of less than 32 bits would need capabilities that the module may not have.
+            let narrow = self.scalar_bytes(ty).0 < 4;
+            if !again && !narrow && self.only_memory(id) {
                 found.push(Block { variable: id, ty, binding, pointer: 0, member: 0, table: None });
             }
         }
@@ -316,7 +317,7 @@ impl Pass {
         // Pointer types by what they point to, and what chains result in.
         let mut pointers: HashMap<Word, Word> = HashMap::new();
         let mut uniform: HashMap<Word, Word> = HashMap::new();
-        let mut chains: HashSet<Word> = HashSet::new();
+        let mut chains: HashMap<Word, Word> = HashMap::new();
         let mut functions = std::mem::take(&mut self.module.functions);
         for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
             let mut code = Vec::with_capacity(block.instructions.len());
@@ -326,20 +327,22 @@ impl Pass {
                     _ => 0,
                 };
                 let is_chain = matches!(i.class.opcode, Op::AccessChain | Op::InBoundsAccessChain);
-                if is_chain && (blocks.contains_key(&base) || chains.contains(&base)) {
+                if is_chain && (blocks.contains_key(&base) || chains.contains_key(&base)) {
                     let pointee = i.result_type.map_or(0, |ty| self.operand(ty, 1));
                     let class = StorageClass::PhysicalStorageBuffer;
                     let pointer =
                         *pointers.entry(pointee).or_insert_with(|| self.pointer(class, pointee));
                     i.result_type = Some(pointer);
-                    chains.extend(i.result_id);
+                    chains.extend(i.result_id.map(|id| (id, pointee)));
                     if let Some(block) = blocks.get(&base) {
                         let slot = block.table.map(|_| i.operands.remove(1));
                         let address = self.address(block, addresses, slot, &mut uniform, &mut code);
                         i.operands[0] = Operand::IdRef(address);
                     }
-                } else if matches!(i.class.opcode, Op::Load | Op::Store) && chains.contains(&base) {
-                    i.operands.extend(aligned(WORD_BYTES));
+                } else if let (Op::Load | Op::Store, Some(&ty)) =
+                    (i.class.opcode, chains.get(&base))
+                {
+                    i.operands.extend(aligned(self.scalar_bytes(ty).1));
                 }
                 code.push(i);
             }
@@ -349,10 +352,27 @@ impl Pass {
         // An address is an address, whatever lanes hold.
         self.module.annotations.retain(|i| match i.operands.as_slice() {
             [Operand::IdRef(id), Operand::Decoration(Decoration::NonUniform)] => {
-                !chains.contains(id)
+                !chains.contains_key(id)
             }
             _ => true,
         });
+    }
+
+    /// Bytes of the smallest and the largest scalar of a type. Values lie at multiples of the latter:
+    /// layouts may be scalar.
+    fn scalar_bytes(&self, ty: Word) -> (u32, u32) {
+        let Some(i) = self.globals.get(&ty) else { return (0, 1) };
+        let parts = match (i.class.opcode, i.operands.first()) {
+            (Op::TypeInt | Op::TypeFloat, Some(&Operand::LiteralBit32(bits))) => {
+                return (bits / 8, bits / 8);
+            }
+            (Op::TypePointer, _) => return (ADDRESS_BYTES, ADDRESS_BYTES),
+            (Op::TypeStruct, _) => &i.operands[..],
+            _ => &i.operands[..1],
+        };
+        let parts =
+            parts.iter().filter_map(Operand::id_ref_any).map(|part| self.scalar_bytes(part));
+        parts.fold((ADDRESS_BYTES, 1), |all, part| (all.0.min(part.0), all.1.max(part.1)))
     }
 
     /// Loads the address of a block, of the table's the one in `slot`.
@@ -430,22 +450,34 @@ mod tests {
     }
 
     #[test]
-    fn blocks_that_are_written_or_measured_stay() {
+    fn what_is_done_with_a_block_decides() {
         let words = kernel(
             "#version 460
+             #extension GL_EXT_scalar_block_layout : require
+             #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+             #extension GL_EXT_shader_16bit_storage : require
+             #extension GL_EXT_nonuniform_qualifier : require
              layout(local_size_x = 64) in;
+             struct Mixed { uint narrow; uint64_t wide; };
              layout(binding = 0) readonly buffer Read { uvec3 read[]; };
+             layout(binding = 1, scalar) buffer Wide { Mixed mixed[]; };
              layout(binding = 2) buffer Written { uint written[]; };
              layout(binding = 3) readonly buffer Measured { uint measured[]; };
+             layout(binding = 4) buffer Counted { uint counted[]; };
              layout(binding = 5) uniform Uniform { uint constant; };
+             layout(binding = 6) readonly buffer Halves { uint16_t halves[]; };
+             layout(set = 1, binding = 4) buffer Words { uint words[]; } table[];
              void main() {
                  uint i = gl_GlobalInvocationID.x;
                  written[i] += read[i].y + measured[measured.length() - 1] + constant;
+                 mixed[i].wide += 1ul;
+                 mixed[i].narrow = atomicAdd(counted[i], 1u) + uint(halves[i]);
+                 table[nonuniformEXT(i)].words[0] = 1u;
              }",
         );
         let addressed = lower(&words).unwrap().unwrap();
-        assert_eq!((addressed.binding, addressed.blocks), (6, vec![0]));
-        assert!(!addressed.table && !addressed.uses_table);
+        assert_eq!((addressed.binding, addressed.blocks), (7, vec![0, 1, 2, 4]));
+        assert!(!addressed.table && addressed.uses_table, "a table that is written stays");
         assert_eq!(complaint(&addressed.spirv), None);
     }
 

@@ -39,7 +39,7 @@ pub(crate) struct RawBuffer {
     pub name: String,
     /// Bytes of the Vulkan buffer.
     pub size: u64,
-    /// Where the device sees it, if kernels read blocks by address, or 0.
+    /// Where the device sees it, if kernels reach blocks by address, or 0.
     pub address: vk::DeviceAddress,
     memory: Memory,
     allocation: Option<Allocation>,

@@ -41,6 +41,9 @@ pub struct GpuOptions {
     pub cache: Option<PathBuf>,
     /// Size of the resource table.
     pub table: TableSizes,
+    /// Lets kernels reach buffers by address where the driver is faster so. The validation layer does not
+    /// see what is reached by address when it looks for missing barriers.
+    pub by_address: bool,
 }
 
 impl GpuOptions {
@@ -58,6 +61,7 @@ impl Default for GpuOptions {
             timeout: Self::TIMEOUT,
             cache: crate::cache::folder(),
             table: TableSizes::default(),
+            by_address: true,
         }
     }
 }
@@ -104,7 +108,7 @@ pub(crate) struct Shared {
     pub info: DeviceInfo,
     pub limits: Limits,
     pub graphics: bool,
-    /// Whether kernels read blocks by address (`address.rs`).
+    /// Whether kernels reach blocks by address (`address.rs`).
     pub addresses: bool,
     pub derivatives: bool,
     pub int64_atomics: bool,
@@ -167,7 +171,8 @@ impl Gpu {
         // SAFETY: one queue of `family` was created with the device.
         let queue = unsafe { device.get_device_queue(family, 0) };
         // Other drivers read storage blocks as well, and check bounds.
-        let addresses = probe.features12.buffer_device_address == vk::TRUE
+        let addresses = options.by_address
+            && probe.features12.buffer_device_address == vk::TRUE
             && probe.vulkan12.driver_id == vk::DriverId::MESA_LLVMPIPE;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.raw.clone(),

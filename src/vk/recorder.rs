@@ -287,11 +287,7 @@ impl Dispatch<'_> {
         if self.bound.iter().any(|b| b.binding == block.binding) {
             return fault(format!("has `{name}` bound twice"));
         }
-        let (offset, bytes) = match block.kind {
-            // What is read by address has no limits of its own.
-            BindingKind::Address(_) => (buffer.offset(), buffer.descriptor_bytes()),
-            _ => check_binding(&self.recorder.gpu, buffer)?,
-        };
+        let (offset, bytes) = check_binding(&self.recorder.gpu, buffer)?;
         self.bound.push(Bound {
             binding: block.binding,
             kind: block.kind,

@@ -257,6 +257,12 @@ impl ResourceTable {
         self.used
     }
 
+    /// Whether some kind of slot is used up.
+    pub fn is_full(&self) -> bool {
+        let sizes = self.raw.gpu.0.table_sizes.by_binding();
+        self.used.iter().zip(sizes).any(|(used, size)| *used == size)
+    }
+
     /// The index of `image` with `sampler`.
     ///
     /// # Errors
@@ -361,8 +367,8 @@ impl ResourceTable {
         let slot = self.used[binding];
         if slot == size {
             return Err(Error::Full(format!(
-                "the resource table on {} has {size} {}, all taken by one draw: open the device with a \
-                 larger `GpuOptions::table`",
+                "the resource table on {} has {size} {}, all taken: bind less at a time, or open the \
+                 device with a larger `GpuOptions::table`",
                 self.raw.gpu.name(),
                 KINDS[binding].1
             )));
