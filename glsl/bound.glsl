@@ -1,8 +1,7 @@
-// What the shading kernels keep bound: a draw, and the triangles that a quad shades.
+// What the shading kernels keep bound: a draw, and the triangle that a quad shades.
 //
 // The lanes of a quad fetch together what they need alike (`lib/quad.glsl`), and nothing is fetched
-// again for the next quad if it is the same. What includes this defines WIDTH, the subgroup's, and
-// ONE_AT_A_TIME, whether a subgroup shades one triangle after the other.
+// again for the next quad if it is the same.
 #ifndef BOUND_GLSL
 #define BOUND_GLSL
 #extension GL_EXT_nonuniform_qualifier : require
@@ -26,24 +25,18 @@ vec2 window_scale, window_offset;
 uint first_in_draw, primitives_per_instance;
 uint piece_varyings, piece_vertices, varying_stride;
 
-// What is kept of a triangle for the quad that shades it.
+// The triangle that a quad shades, and what is kept of it.
 struct Bound {
     uint key;
-    uint piece;
     vec3 plane; // depth at the pixel (0, 0), its change to the right and down
     uint flags;
     vec3 x, y, w; // clip-space positions of its vertices
 };
 
-// Quads of large triangles follow each other, and where two triangles meet, they alternate: narrow
-// subgroups, which have few quads, keep two triangles. Wide ones need their registers for lanes.
-const bool TWO = WIDTH <= 16u && !ONE_AT_A_TIME;
-Bound bound_a = Bound(0u, NONE, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0));
-Bound bound_b = bound_a;
-bool second = false; // whether the last one used is `b`
+Bound bound = Bound(0u, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0));
 
 // Word `lane & 3` of each location the shader reads, for each vertex.
-uvec3 parts_a[MAX_VARYINGS], parts_b[MAX_VARYINGS];
+uvec3 parts[MAX_VARYINGS];
 uvec3 varying_base; // first word of each vertex's varyings
 
 // Replaced by the splicer.
@@ -70,37 +63,20 @@ void bind(const uint piece) {
     tw_user_bind();
 }
 
-Bound last_bound() {
-    if (TWO && second) return bound_b;
-    return bound_a;
-}
-
-// Fetches the triangle of `key` and returns its vertex slots; all four lanes of a quad call it together.
-uvec3 fetch_triangle(const uint key) {
+// The triangle of `key`, which is that of the hooks from here on; all four lanes of a quad call it
+// together. Quads of large triangles follow each other and find it bound. (Two of them kept, for where
+// triangles meet, were no faster, and none kept a fifth slower on large ones.)
+Bound bind_triangle(const uint key) {
+    if (key == bound.key) return bound;
     uint at = key_triangle(key, batch.extra_first), part = QUAD_LANE;
     uvec4 fields = of_quad(triangles[at].depth_piece[part]);
     uvec4 vertices = of_quad(triangles[at].vertices_flags[part]);
-    vec3 parts = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);
-    Bound bound = Bound(key, fields.w, uintBitsToFloat(fields.xyz), vertices.w,
-                        subgroupQuadBroadcast(parts, 0u), subgroupQuadBroadcast(parts, 1u), subgroupQuadBroadcast(parts, 3u));
-    if (second) bound_b = bound;
-    else bound_a = bound;
-    return vertices.xyz;
-}
-
-// The triangle of `key`, which is that of the hooks from here on.
-Bound bind_triangle(const uint key) {
-    if (key != last_bound().key) {
-        second = TWO && !second;
-        bool known = key == last_bound().key;
-        uvec3 vertices = uvec3(0u);
-        if (!known) vertices = fetch_triangle(key);
-        bind(last_bound().piece);
-        if (!known) {
-            varying_base = piece_varyings + (vertices - piece_vertices) * varying_stride;
-            tw_user_bind_inputs();
-        }
-    }
-    return last_bound();
+    vec3 corners = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);
+    bound = Bound(key, uintBitsToFloat(fields.xyz), vertices.w, subgroupQuadBroadcast(corners, 0u),
+                  subgroupQuadBroadcast(corners, 1u), subgroupQuadBroadcast(corners, 3u));
+    bind(fields.w);
+    varying_base = piece_varyings + (vertices.xyz - piece_vertices) * varying_stride;
+    tw_user_bind_inputs();
+    return bound;
 }
 #endif

@@ -31,18 +31,11 @@ uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)
 
 void tw_bind_input(const in uint location) {
     uvec3 at = varying_base + location * 4u + QUAD_LANE;
-    uvec3 parts = uvec3(varyings[at.x], varyings[at.y], varyings[at.z]);
-    if (second) parts_b[location] = parts;
-    else parts_a[location] = parts;
-}
-
-uvec3 input_parts(const uint location) {
-    if (TWO && second) return parts_b[location];
-    return parts_a[location];
+    parts[location] = uvec3(varyings[at.x], varyings[at.y], varyings[at.z]);
 }
 
 vec4 interpolate(const vec3 weights, const uint location) {
-    vec3 part = uintBitsToFloat(input_parts(location));
+    vec3 part = uintBitsToFloat(parts[location]);
     return vec4(dot(weights, subgroupQuadBroadcast(part, 0u)), dot(weights, subgroupQuadBroadcast(part, 1u)),
                 dot(weights, subgroupQuadBroadcast(part, 2u)), dot(weights, subgroupQuadBroadcast(part, 3u)));
 }
@@ -56,7 +49,7 @@ vec4 tw_input_noperspective(const in uint location) {
 }
 
 uvec4 tw_input_flat(const in uint location) {
-    return of_quad(input_parts(location).x);
+    return of_quad(parts[location].x);
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
@@ -95,8 +88,8 @@ void tw_user_main() {
     tw_output(0u, 0u, 4u, floatBitsToUint(v));
 }
 
-// Runs the shader for `triangle`, the one bound last, at the target's pixel `pixel`; all four lanes of a
-// quad call it together. `helper` lanes take part in derivatives only.
+// Runs the shader for `triangle`, the one that is bound, at the target's pixel `pixel`; all four lanes of
+// a quad call it together. `helper` lanes take part in derivatives only.
 void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     vec2 ndc = (vec2(pixel) + 0.5 - window_offset) / window_scale;
     vec3 px = triangle.x - ndc.x * triangle.w, py = triangle.y - ndc.y * triangle.w;

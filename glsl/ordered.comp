@@ -16,7 +16,6 @@
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 
-const bool ONE_AT_A_TIME = true;
 #include "fragment.glsl"
 #include "lib/cells.glsl"
 #include "lib/blend.glsl"

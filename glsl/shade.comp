@@ -18,7 +18,6 @@
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 
-const bool ONE_AT_A_TIME = false;
 #include "fragment.glsl"
 
 layout(constant_id = SPEC_FORMAT) const uint FORMAT = 0u;
