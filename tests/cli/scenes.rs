@@ -52,6 +52,28 @@ fn parity_needs_a_device_that_names_its_triangles() {
     ]);
 }
 
+/// The driver under test has wide vectors where the processor has them: the picture is the same to the
+/// byte. (The driver's cache on disk does not tell widths apart, so it is off.)
+#[test]
+fn the_width_of_subgroups_decides_nothing() {
+    if !crate::common::device_under_test().name.contains("llvmpipe") {
+        return crate::did_not_run("subgroup widths", "lavapipe, whose width can be chosen");
+    }
+    for scene in ["builtin:teapot", "builtin:alpha", "builtin:soup-clipped"] {
+        let picture = |bits: &str| {
+            let mut command = command();
+            command.env("LP_NATIVE_VECTOR_WIDTH", bits).env("MESA_SHADER_CACHE_DISABLE", "1");
+            let line = ["render", scene, "--size", "323x181", "-o", "-"];
+            let run = finish(command.args(line), Duration::from_secs(120)).expect(0);
+            let picture = decode(&run.stdout);
+            (picture.size, picture.rgba)
+        };
+        let [four, eight, sixteen] = ["128", "256", "512"].map(picture);
+        assert!(four == eight, "{scene} depends on subgroups of 4 or 8");
+        assert!(sixteen == eight, "{scene} depends on subgroups of 16 or 8");
+    }
+}
+
 #[test]
 fn both_backends_draw_the_teapot() {
     let picture = |backend| {
