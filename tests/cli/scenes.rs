@@ -63,8 +63,10 @@ fn the_width_of_subgroups_decides_nothing() {
         let picture = |bits: &str| {
             let mut command = command();
             command.env("LP_NATIVE_VECTOR_WIDTH", bits).env("MESA_SHADER_CACHE_DISABLE", "1");
+            command.env("TILEWRIGHT_CACHE", "off");
             let line = ["render", scene, "--size", "323x181", "-o", "-"];
             let run = finish(command.args(line), Duration::from_secs(120)).expect(0);
+            let run = run.saying(&[&format!("{bits} bits")]);
             let picture = decode(&run.stdout);
             (picture.size, picture.rgba)
         };
