@@ -53,12 +53,7 @@ impl Kernels {
         let width = gpu.limits().subgroup_size;
         let plain = |name, spirv| KernelInfo { name, spirv, ..KernelInfo::default() };
         let constants = [("WIDTH", width)];
-        let wide = |name, spirv| KernelInfo {
-            constants: &constants,
-            full_subgroups: true,
-            subgroup_size: Some(width),
-            ..plain(name, spirv)
-        };
+        let wide = |name, spirv| wide(width, name, spirv, &constants);
         let infos = [
             plain("clear", kernels::CLEAR),
             plain("primitive", kernels::PRIMITIVE),
@@ -126,14 +121,7 @@ impl Kernels {
                 let in_place = self.gpu.reads_by_address().into();
                 let constants =
                     [("WIDTH", width), ("COMPARE", *compare as u32), ("IN_PLACE", in_place)];
-                let info = KernelInfo {
-                    name: "raster",
-                    spirv: kernels::RASTER,
-                    constants: &constants,
-                    full_subgroups: true,
-                    subgroup_size: Some(width),
-                    ..KernelInfo::default()
-                };
+                let info = wide(width, "raster", kernels::RASTER, &constants);
                 return Kernel::new(&self.gpu, &info);
             }
             Wanted::Vertex(key) => {
@@ -161,15 +149,27 @@ impl Kernels {
         let attributes = key.attributes.iter();
         let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
         let constant_ids: Vec<_> = key.specialization.iter().copied().chain(attributes).collect();
-        let info = KernelInfo {
-            name: &format!("{stage} {}", key.shader.label),
-            spirv: &spliced.spirv,
-            constants: &constants,
-            constant_ids: &constant_ids,
-            full_subgroups: true,
-            subgroup_size: Some(width),
-        };
-        Kernel::new(&self.gpu, &info)
+        let name = format!("{stage} {}", key.shader.label);
+        let info = wide(width, &name, &spliced.spirv, &constants);
+        Kernel::new(&self.gpu, &KernelInfo { constant_ids: &constant_ids, ..info })
+    }
+}
+
+/// A kernel that is made for full subgroups of one width.
+fn wide<'a>(
+    width: u32,
+    name: &'a str,
+    spirv: &'a [u32],
+    constants: &'a [(&'a str, u32)],
+) -> KernelInfo<'a> {
+    let subgroup_size = Some(width);
+    KernelInfo {
+        name,
+        spirv,
+        constants,
+        full_subgroups: true,
+        subgroup_size,
+        ..KernelInfo::default()
     }
 }
 
