@@ -26,6 +26,8 @@ struct Batch {
     uint slot_count;
     uint fragment_kernel;
     uint fragment_kernels;
+    uint traced;
+    uint followed;
 };
 
 struct Clear {
@@ -105,7 +107,8 @@ struct QuadPiece {
     uvec4 stage;    // vertices_per_instance, instance_min, attribute_base, vertex_resources
     uint draw_id, front_face, cut, depth_test;
     ivec2 rect_min, rect_max;
-    uint depth_write, depth_compare, blend, blend_color, blend_alpha;
+    uvec4 output_state; // depth_write, depth_compare, blend, blend_color
+    uint blend_alpha;
 };
 
 // `Triangle` as it is stored, and as a quad fetches it.

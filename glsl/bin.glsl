@@ -13,6 +13,7 @@ const bool OR_EQUAL = COMPARE == 3u || COMPARE == 6u;
 
 #include "lib/block.glsl"
 #include "lib/depth.glsl"
+#include "lib/lanes.glsl"
 #include "lib/tile.glsl"
 
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
@@ -80,6 +81,22 @@ void fill(const Bin bin, const bool single, const uint key, const vec3 plane) {
     }
 }
 
+// Makes one triangle, which covers the bin, what all of its pixels show. Those who shade it need no
+// visibility then, but a trace does.
+void cover(const Bin bin, const uint key, const vec3 plane) {
+    ivec2 lane_pixel = ivec2(tile_pixel(gl_SubgroupInvocationID));
+    [[dont_unroll]] for (int left = 0; left <= BIN_LAST.x; left += 1 << PATCH_X_LOG2) {
+        int x = left + lane_pixel.x;
+        float column = depth_of_column(plane.x, plane.y, bin.origin.x + x);
+        [[dont_unroll]] for (int top = 0; top <= BIN_LAST.y; top += 1 << PATCH_Y_LOG2) {
+            int y = top + lane_pixel.y;
+            depth[depth_place(bin, ivec2(x, y))] = depth_in_column(column, plane.z, bin.origin.y + int(batch.origin_y) + y);
+        }
+    }
+    if (batch.traced == 0u) return;
+    for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = key;
+}
+
 // The farthest depth that a block holds.
 float farthest_of(const Bin bin, const uint block) {
     float far_z = GREATER ? 1.0 : 0.0;
@@ -89,6 +106,6 @@ float farthest_of(const Bin bin, const uint block) {
         float z = held_depth(bin, i, p);
         far_z = GREATER ? min(far_z, z) : max(far_z, z);
     }
-    return GREATER ? subgroupMin(far_z) : subgroupMax(far_z);
+    return GREATER ? lanes_min(far_z) : lanes_max(far_z);
 }
 #endif

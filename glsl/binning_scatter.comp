@@ -5,6 +5,8 @@
 // Contract: a cell's list holds the key of every valid triangle that `cells.glsl` lists there, each
 // once, in no order.
 // Kernel / Twin: src/compute/binning.rs, src/reference/binning.rs.
+//
+// An invocation takes PRIMITIVE_ROUNDS primitives, one after the other: to begin one costs CPUs as much.
 #version 460
 #include "pieces.glsl"
 #include "lib/cells.glsl"
@@ -15,8 +17,7 @@ layout(scalar, binding = 1) readonly buffer Triangles { Triangle triangles[]; };
 layout(scalar, binding = 2) buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 3) writeonly buffer Entries { uint entries[]; };
 
-void scatter(const uint key) {
-    uint at = key_triangle(key, batch.extra_first);
+void scatter(const uint key, const uint at) {
     uint flags = triangles[at].flags;
     if ((flags & TRIANGLE_VALID) == 0u) return;
     uint level = (flags >> TRIANGLE_LEVEL_SHIFT) & 3u;
@@ -33,8 +34,14 @@ void scatter(const uint key) {
 }
 
 void main() {
-    uint primitive = linear_invocation();
-    if (primitive >= batch.primitives) return;
-    uint parts = 1u + (triangles[primitive].flags >> TRIANGLE_EXTRA_SHIFT);
-    for (uint part = 0u; part < parts; part++) scatter(key_of(primitive, part));
+    uint first = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    first = first * GROUP * PRIMITIVE_ROUNDS + gl_LocalInvocationIndex;
+    uint end = min(first + GROUP * PRIMITIVE_ROUNDS, batch.primitives);
+    [[dont_unroll]] for (uint primitive = first; primitive < end; primitive += GROUP) {
+        uint parts = 1u + (triangles[primitive].flags >> TRIANGLE_EXTRA_SHIFT);
+        for (uint part = 0u; part < parts; part++) {
+            uint key = key_of(primitive, part);
+            scatter(key, key_triangle(key, batch.extra_first));
+        }
+    }
 }

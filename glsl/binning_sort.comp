@@ -30,17 +30,19 @@ void main() {
     if (cell >= batch.cells) return;
     uint first = cell == 0u ? 0u : cell_ends[cell - 1u];
     uint count = cell_ends[cell] - first;
-    for (uint run = 1u; run < count; run <<= 1) {
-        for (uint i = gl_LocalInvocationIndex; (i / run) * 2u * run < count; i += WIDTH) {
-            uint base = (i / run) * 2u * run, offset = i % run;
-            exchange(first, base + offset, base + 2u * run - 1u - offset, count);
+    // Runs of 2^log2, their pairs merged.
+    for (uint log2 = 0u; (1u << log2) < count; log2++) {
+        for (uint i = gl_LocalInvocationIndex; (i >> log2 << (log2 + 1u)) < count; i += WIDTH) {
+            uint base = i >> log2 << (log2 + 1u), offset = i & ((1u << log2) - 1u);
+            exchange(first, base + offset, base + (2u << log2) - 1u - offset, count);
         }
         memoryBarrierBuffer();
         barrier();
-        for (uint step = run >> 1; step > 0u; step >>= 1) {
-            for (uint i = gl_LocalInvocationIndex; (i / step) * 2u * step < count; i += WIDTH) {
-                uint a = (i / step) * 2u * step + i % step;
-                exchange(first, a, a + step, count);
+        for (uint step = log2; step > 0u; step--) {
+            uint half_log2 = step - 1u, distance = 1u << half_log2;
+            for (uint i = gl_LocalInvocationIndex; (i >> half_log2 << step) < count; i += WIDTH) {
+                uint a = (i >> half_log2 << step) + (i & (distance - 1u));
+                exchange(first, a, a + distance, count);
             }
             memoryBarrierBuffer();
             barrier();

@@ -8,18 +8,17 @@
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
 layout(scalar, set = SET_TABLE, binding = TABLE_BUFFERS) readonly buffer Words { uint words[]; } table[];
 
-// Number of this invocation in a dispatch of GROUP-wide workgroups that may be spread over two dimensions.
-uint linear_invocation() {
-    return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * GROUP + gl_LocalInvocationIndex;
-}
-
-// Division for a quotient that is nearly always 0: a draw has one instance.
+// Division for a quotient that is nearly always 0: a draw has one instance. CPUs divide lane by lane, a
+// hundred instructions, and lavapipe jumps over a branch only if there is another one in it.
 uint divide(const uint a, const uint b) {
-    if (a < b) return 0u;
-    return a / b;
+    uint quotient = 0u;
+    [[dont_flatten]] if (a >= b) {
+        [[dont_flatten]] if (b != 0u) quotient = a / b;
+    }
+    return quotient;
 }
 
-// The word that holds byte `byte` of the vertex or index buffer whose first slot is `slot`.
+// The word that holds byte `byte` of the index buffer whose first slot is `slot`.
 uint fetch_word(const uint slot, const uint byte) {
     uint window = byte >> WINDOW_LOG2, word = (byte & ((1u << WINDOW_LOG2) - 1u)) >> 2;
     return table[nonuniformEXT(slot + window)].words[word];

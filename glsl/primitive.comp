@@ -1,6 +1,6 @@
 // Primitive: assembles, clips, culls and sets up every primitive of a batch.
 //
-// Reads: pieces, index buffers, clip-space positions.
+// Reads: pieces, index buffers, window positions and outcodes; clip-space positions of what is clipped.
 // Writes: triangles, one for each primitive and more where it is clipped; counts of the cells.
 // Contract: the triangles of a primitive cover exactly the pixel centres inside it and inside the
 // clip volume, viewport and scissor, by the top-left rule; two triangles of an edge share no pixel
@@ -12,14 +12,15 @@
 #version 460
 #include "pieces.glsl"
 #include "lib/cells.glsl"
-#include "lib/clip.glsl"
 #include "lib/depth.glsl"
+#include "lib/window.glsl"
 
 layout(local_size_x = GROUP) in;
 layout(scalar, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(scalar, binding = 1) readonly buffer Positions { vec4 positions[]; };
-layout(scalar, binding = 2) writeonly buffer Triangles { QuadTriangle triangles[]; };
-layout(scalar, binding = 3) buffer CellCounts { uint cell_counts[]; };
+layout(scalar, binding = 2) readonly buffer Windows { uvec4 windows[]; };
+layout(scalar, binding = 3) writeonly buffer Triangles { QuadTriangle triangles[]; };
+layout(scalar, binding = 4) buffer CellCounts { uint cell_counts[]; };
 
 // The piece that holds the batch's primitive `primitive`.
 uint piece_of_primitive(const uint primitive) {
@@ -40,22 +41,6 @@ uvec3 vertex_slots(const Piece piece, const uint in_piece) {
     uvec3 element = assemble(piece.topology, q - instance * piece.primitives_per_instance);
     uvec3 vertex = uvec3(fetch_index(piece, element.x), fetch_index(piece, element.y), fetch_index(piece, element.z));
     return piece.vertex_base + (instance - piece.instance_min) * piece.vertices_per_instance + vertex - piece.vertex_min;
-}
-
-// Clip space to window: pixels and depth, unsnapped. As rasterizers do it, the viewport transform is
-// fused for the vertices of the user and not for corners `made` by clipping. Only rounding, and
-// viewports larger than any target, get farther out than the bound.
-vec3 window(const Piece piece, const vec4 p, const bool made) {
-    float inverse = exact_divide(1.0, p.w);
-    vec3 ndc = p.xyz * inverse;
-    vec3 scale = vec3(piece.scale, piece.depth_scale), offset = vec3(piece.offset, piece.depth_offset);
-    vec3 window = ndc * scale + offset;
-    if (!made) {
-        window = vec3(multiply_add(ndc.x, scale.x, offset.x), multiply_add(ndc.y, scale.y, offset.y),
-                      multiply_add(ndc.z, scale.z, offset.z));
-    }
-    const float far_out = float(1u << GUARD_LOG2);
-    return vec3(clamp(window.xy, vec2(-far_out), vec2(far_out)), window.z);
 }
 
 ivec2 snap(const vec3 p) {
@@ -109,32 +94,23 @@ void set_up(const uint at, const uint more, const Piece piece, const uint piece_
     }
 }
 
-bool usable(const vec4 p) {
-    return is_finite(p.x) && is_finite(p.y) && is_finite(p.z) && is_finite(p.w);
-}
-
-vec4 sanitized(const vec4 p) {
-    return vec4(flush(p.x), flush(p.y), flush(p.z), flush(p.w));
-}
-
 void run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec3 slots = vertex_slots(piece, primitive - piece.first_primitive);
-    vec4 a = sanitized(positions[slots.x]), b = sanitized(positions[slots.y]), c = sanitized(positions[slots.z]);
+    uvec4 a = windows[slots.x], b = windows[slots.y], c = windows[slots.z];
 
     // Wholly outside one side of the view volume: no clipping needed to know that nothing is seen.
-    uint code_a = clip_outcode(a), code_b = clip_outcode(b), code_c = clip_outcode(c);
-    if ((code_a & code_b & code_c) != 0u || !usable(a) || !usable(b) || !usable(c)) {
+    uint code = a.w | b.w | c.w, count = 3u, made = 0u;
+    if ((a.w & b.w & c.w & OUT_PLANES) != 0u || (code & OUT_UNUSABLE) != 0u) {
         store_flags(primitive, 0u);
         return;
     }
-    uint clip = code_a | code_b | code_c, count = 3u, made = 0u;
-    bool clipped = clip != 0u || min(a.w, min(b.w, c.w)) <= 0.0;
+    bool clipped = code != 0u;
     vec4 corners[CLIP_CORNERS];
     if (clipped) {
-        corners[0] = a;
-        corners[1] = b;
-        corners[2] = c;
-        count = clip_polygon(corners, clip, made);
+        corners[0] = sanitized(positions[slots.x]);
+        corners[1] = sanitized(positions[slots.y]);
+        corners[2] = sanitized(positions[slots.z]);
+        count = clip_polygon(corners, code & OUT_PLANES, made);
         // What is left touches w = 0 only at the eye itself, which no window position belongs to.
         bool drawable = count >= 3u;
         for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
@@ -144,20 +120,20 @@ void run(const uint primitive, const uint piece_index, const Piece piece) {
         }
     }
     // One loop and one call for clipped and whole triangles: the code is compiled once.
-    vec3 first, previous;
+    Viewport viewport = Viewport(vec3(piece.scale, piece.depth_scale), vec3(piece.offset, piece.depth_offset));
+    vec3 first = uintBitsToFloat(a.xyz), previous = uintBitsToFloat(b.xyz);
     [[dont_unroll]] for (uint i = 0u; i < count; i++) {
-        // An index that is not constant costs CPUs a hundred instructions.
-        vec4 corner = i == 0u ? a : (i == 1u ? b : c);
-        if (clipped) corner = corners[i];
-        vec3 next = window(piece, corner, ((made >> i) & 1u) != 0u);
-        if (i == 0u) first = next;
+        vec3 next = uintBitsToFloat(c.xyz);
+        // An index that is not constant costs CPUs a hundred instructions, unless nobody gets here.
+        [[dont_flatten]] if (clipped) next = window_position(viewport, corners[i], ((made >> i) & 1u) != 0u);
+        if (i == 0u && clipped) first = next;
         if (i >= 2u) {
             uint part = i - 2u;
             uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
             uint more = part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u;
             set_up(at, more, piece, piece_index, slots, first, previous, next);
         }
-        previous = next;
+        if (clipped) previous = next;
     }
 }
 

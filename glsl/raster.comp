@@ -1,9 +1,10 @@
 // Raster and z-test of opaque work: which triangle each pixel of a bin shows.
 //
 // Reads: the non-empty bins, the lists of their cells, triangles, depth.
-// Writes: of the bins where the batch shows something: `visibility`, the key of the triangle each pixel
-// shows, or 0; depth and its bounds; for each fragment kernel of the batch the bins where it has
-// pixels. Visibility of other bins may be overwritten by zeros.
+// Writes: of the bins where the batch shows something: depth and its bounds; for each fragment kernel of
+// the batch the bins where it has pixels, with the key of the triangle that covers all of the bin, or else
+// `visibility`, the key of the triangle each pixel shows, or 0. Visibility of other bins may be overwritten
+// by zeros; for a trace, that of covered bins is written too.
 // Contract: the winner of a pixel is the triangle that the depth test would leave standing had all
 // of the batch been drawn in API order; its order in the lists does not matter.
 // Kernel / Twin: src/compute/raster.rs, src/reference/raster.rs.
@@ -17,13 +18,12 @@
 // What was tried: everything in registers, all loops unrolled, tested the 64 pixels of a quadrant for a
 // triangle of three, and took lavapipe three seconds to compile. Depth and key in shared memory, as GPUs
 // have them, cost a CPU four walks over its lanes for each patch, and with `fill` and the copy back a
-// quarter of the stage: hence IN_PLACE. Handing the pixel coordinate to shorter arithmetic, since it has
-// 12 bits at most, gave nothing.
+// quarter of the stage: hence IN_PLACE. To find the farthest depth of a block after each round cost a sixth of
+// the stage where surfaces hide little; never to do so, a fifth where they hide much. Patches of the box that
+// the triangle misses were half of those walked for needles; leaving them out made that scene a quarter
+// faster. Handing the pixel coordinate to shorter arithmetic, since it has 12 bits at most, gave nothing.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
-#extension GL_KHR_shader_subgroup_arithmetic : require
-#extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_KHR_shader_subgroup_shuffle : require
 #include "abi.glsl"
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
@@ -32,7 +32,6 @@ layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
 
 #include "bin.glsl"
 #include "lib/cells.glsl"
-#include "lib/key.glsl"
 
 layout(local_size_x_id = SPEC_WIDTH) in;
 layout(scalar, binding = 0) readonly buffer Bins { uint bins[]; };
@@ -40,10 +39,8 @@ layout(scalar, binding = 1) readonly buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 2) readonly buffer Entries { uint entries[]; };
 layout(scalar, binding = 3) readonly buffer Triangles { Triangle triangles[]; };
 layout(scalar, binding = 4) readonly buffer Pieces { Piece pieces[]; };
-// For each fragment kernel the arguments of its dispatch, one workgroup column per bin.
-layout(scalar, binding = 7) buffer ShadeArgs { uvec3 shade_args[]; };
-// `batch.bins` entries for each fragment kernel.
-layout(scalar, binding = 8) writeonly buffer ShadeBins { uint shade_bins[]; };
+#include "shade_lists.glsl"
+
 // No pixel of a bin is below the first or above the second; if they are equal, all pixels are.
 layout(scalar, binding = 9) buffer BinBounds { vec2 bin_bounds[]; };
 
@@ -65,7 +62,10 @@ void main() {
     uint base_key = 0u;
     vec3 base = vec3(held.x, 0.0, 0.0);
     vec2 base_bounds = GREATER ? held.yx : held; // nearest, farthest
-    float farthest[BLOCKS];
+    // Nothing that a block holds is farther. Of `touched` blocks that has to be found again: in the round
+    // `due`, and after twice as many rounds as the last time if there was nothing new.
+    vec4 farthest = vec4(0.0);
+    uint touched = 0u, round = 0u, due = 1u, pause = 1u;
     uint any = 0u;
 
     [[dont_unroll]] for (uint level = 0u; level < CELL_LEVELS; level++) {
@@ -91,14 +91,13 @@ void main() {
                 vec2 bounds = depth_bounds(plane, origin, BIN_LAST);
                 bool covers = (least.x | least.y | least.z) >= 0 && inside && all(lessThanEqual(low, ivec2(0))) &&
                               all(greaterThanEqual(high, BIN_LAST));
-                uvec4 mask = subgroupBallot(live && (most.x | most.y | most.z) >= 0);
-                uvec4 covering = subgroupBallot(covers);
-                while (single && mask != uvec4(0u)) {
-                    uint j = subgroupBallotFindLSB(mask);
-                    mask[j >> 5] &= mask[j >> 5] - 1u;
+                uvec4 mask = lanes_where(live && (most.x | most.y | most.z) >= 0), covering = lanes_where(covers);
+                while (single && has_lanes(mask)) {
+                    uint j = first_lane(mask);
+                    mask = without_first_lane(mask);
                     vec2 bounds_j = subgroupShuffle(bounds, j);
                     if (in_front(base_bounds.y, bounds_j.x)) continue;
-                    if (subgroupBallotBitExtract(covering, j) && in_front(bounds_j.y, base_bounds.x)) {
+                    if (has_lane(covering, j) && in_front(bounds_j.y, base_bounds.x)) {
                         base_key = subgroupShuffle(key, j);
                         base = subgroupShuffle(plane, j);
                         base_bounds = bounds_j;
@@ -110,22 +109,31 @@ void main() {
                 // From here on pixel by pixel, this round's triangles once more: none can win twice.
                 fill(bin, base_key != 0u || (flat_before && !IN_PLACE), base_key, base);
                 any = base_key;
-                [[dont_unroll]] for (uint b = 0u; b < BLOCKS; b++) farthest[b] = base_bounds.y;
+                farthest = vec4(base_bounds.y);
             }
 
+            bool look = round++ >= due, nearer = false;
             [[dont_unroll]] for (uint b = 0u; b < BLOCKS; b++) {
                 ivec2 block = ivec2(tile_pixel(b * BLOCK));
                 ivec3 at_block = edges.at + edges.dx * block.x + edges.dy * block.y;
                 ivec3 most = at_block + max(edges.dx, 0) * BLOCK_LAST.x + max(edges.dy, 0) * BLOCK_LAST.y;
                 bool boxed = all(lessThanEqual(low, block + BLOCK_LAST)) && all(greaterThanEqual(high, block));
-                bool hit = live && boxed && (most.x | most.y | most.z) >= 0 &&
-                           !in_front(farthest[b], depth_bounds(plane, origin + block, BLOCK_LAST).x);
-                uvec4 mask = subgroupBallot(hit);
-                if (mask == uvec4(0u)) continue;
-                uint patches = patches_under(low - block, high - block);
+                bool hit = live && boxed && (most.x | most.y | most.z) >= 0;
+                if (!has_lanes(lanes_where(hit))) continue;
+                if (look && (touched >> b & 1u) != 0u) {
+                    float found = farthest_of(bin, b);
+                    nearer = nearer || found != farthest[b];
+                    farthest[b] = found;
+                    touched &= ~(1u << b);
+                }
+                uint patches = patches_touched(at_block, edges.dx, edges.dy, low - block, high - block);
+                hit = hit && patches != 0u && !in_front(farthest[b], depth_bounds(plane, origin + block, BLOCK_LAST).x);
+                uvec4 mask = lanes_where(hit);
+                if (!has_lanes(mask)) continue;
+                touched |= 1u << b;
                 do {
-                    uint j = subgroupBallotFindLSB(mask);
-                    mask[j >> 5] &= mask[j >> 5] - 1u;
+                    uint j = first_lane(mask);
+                    mask = without_first_lane(mask);
                     ivec3 dx = subgroupShuffle(edges.dx, j), dy = subgroupShuffle(edges.dy, j);
                     ivec3 start = subgroupShuffle(at_block, j) + dx * lane_pixel.x + dy * lane_pixel.y;
                     vec3 plane_j = subgroupShuffle(plane, j);
@@ -150,48 +158,27 @@ void main() {
                             }
                         }
                     } while (left != 0u);
-                } while (mask != uvec4(0u));
-                farthest[b] = farthest_of(bin, b);
+                } while (has_lanes(mask));
+            }
+            if (look) {
+                pause = nearer ? 1u : 2u * pause;
+                due = round + pause - 1u;
             }
         }
     }
-
-    if (single) any = base_key;
-    if (subgroupOr(any) == 0u) return;
 
     uint shown = 0u;
-    float least_z = 2.0, most_z = -1.0;
-    [[dont_unroll]] for (uint i = lane; i < BIN_PIXELS; i += WIDTH) {
-        ivec2 p = ivec2(tile_pixel(i));
-        uint key = 0u;
-        if (in_target(bin, p)) {
-            key = base_key;
-            float z;
-            if (single) {
-                z = depth_at(base.x, base.y, base.z, origin + p);
-            } else {
-                key = held_key(bin, i);
-                z = held_depth(bin, i, p);
-            }
-            if (key != 0u && (single || !IN_PLACE)) depth[depth_place(bin, p)] = z;
-            least_z = min(least_z, z);
-            most_z = max(most_z, z);
-        }
-        if (single || !IN_PLACE || !inside) visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = key;
-        if (key == 0u) continue;
-        if (batch.fragment_kernels > 1u) {
-            uint piece = triangles[key_triangle(key, batch.extra_first)].piece;
-            shown |= 1u << pieces[piece].fragment_kernel;
-        } else {
-            shown = 1u;
-        }
+    vec2 bounds = base_bounds;
+    if (single) {
+        if (base_key == 0u) return;
+        cover(bin, base_key, base);
+        shown = 1u << fragment_kernel_of(base_key);
+    } else {
+        if (!has_lanes(lanes_where(any != 0u))) return;
+        // Where everything is in place, and nobody asks for more than that there is something, that is all.
+        shown = 1u;
+        if (!IN_PLACE || !inside || batch.fragment_kernels > 1u || batch.followed != 0u) finish(bin, shown, bounds);
     }
-    vec2 bounds = vec2(subgroupMin(least_z), subgroupMax(most_z));
-    if (lane == 0u) bin_bounds[bin.number] = bounds;
-    shown = subgroupOr(shown);
-    while (shown != 0u) {
-        uint kernel = uint(findLSB(shown));
-        shown &= shown - 1u;
-        if (lane == 0u) shade_bins[kernel * batch.bins + atomicAdd(shade_args[kernel].x, 1u)] = entry;
-    }
+    if (lane == 0u) bin_bounds[bin.number] = vec2(min(bounds.x, bounds.y), max(bounds.x, bounds.y));
+    list_for_shading(shown, uvec2(entry, single ? base_key : 0u));
 }

@@ -1,6 +1,6 @@
 // Shading of opaque work: the user's fragment shader, once for each visible (quad, triangle).
 //
-// Reads: the bins where this fragment kernel has pixels, visibility, triangles, positions, varyings
+// Reads: the bins where this fragment kernel has pixels and what covers them, visibility, triangles, positions, varyings
 // and whatever the shader binds.
 // Writes: colour of the pixels whose visible triangle belongs to this fragment kernel.
 // Contract: hidden fragments are never shaded; a quad that shows several triangles runs the shader
@@ -22,7 +22,7 @@ layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 
 layout(constant_id = SPEC_FORMAT) const uint FORMAT = 0u;
 layout(local_size_x_id = SPEC_WIDTH) in;
-layout(scalar, binding = 5) readonly buffer ShadeBins { uint shade_bins[]; };
+layout(scalar, binding = 5) readonly buffer ShadeBins { uvec2 shade_bins[]; };
 layout(scalar, binding = 6) readonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 7) writeonly buffer Color { uint color[]; };
 
@@ -42,34 +42,42 @@ uint first_shown(const uvec4 keys) {
 }
 
 void main() {
-    uvec2 position = bin_position(shade_bins[batch.fragment_kernel * batch.bins + gl_WorkGroupID.x]);
-    uint first_quad = (position.y * batch.bins_x + position.x) * BIN_QUADS;
+    uvec2 entry = shade_bins[batch.fragment_kernel * batch.bins + gl_WorkGroupID.x];
+    uvec2 position = bin_position(entry.x);
+    uint covering = entry.y, first_quad = (position.y * batch.bins_x + position.x) * BIN_QUADS;
     uint lane = gl_SubgroupInvocationID;
     [[dont_unroll]] for (uint first = 0u; first < BIN_QUADS; first += WIDTH) {
-        uvec4 keys = uvec4(0u);
-        if (first + lane < BIN_QUADS) keys = visibility[first_quad + first + lane];
-        if (batch.fragment_kernels > 1u) {
-            keys = uvec4(own_key(keys.x), own_key(keys.y), own_key(keys.z), own_key(keys.w));
+        uvec4 keys = uvec4(covering);
+        uint shown = 1u, through = lane + 1u, count = min(WIDTH, BIN_QUADS - first);
+        if (covering == 0u) {
+            if (first + lane < BIN_QUADS) keys = visibility[first_quad + first + lane];
+            if (batch.fragment_kernels > 1u) {
+                keys = uvec4(own_key(keys.x), own_key(keys.y), own_key(keys.z), own_key(keys.w));
+            }
+            shown = first_shown(keys);
+            through = subgroupInclusiveAdd(bitCount(shown));
+            count = subgroupShuffle(through, WIDTH - 1u);
         }
-        uint shown = first_shown(keys), through = subgroupInclusiveAdd(bitCount(shown));
-        uint count = subgroupShuffle(through, WIDTH - 1u);
         [[dont_unroll]] for (uint next = 0u; next < count; next += WIDTH / 4u) {
             // Quads for which there is nothing left help with the last: all lanes stay together, and none
             // holds an undefined table slot.
-            uint n = min(next + (lane >> 2), count - 1u);
-            // The lane that counted the `n`th, and which of its pixels that is.
-            uint from = 0u;
-            [[unroll]] for (uint step = WIDTH / 2u; step > 0u; step >>= 1) {
-                if (subgroupShuffle(through, from + step - 1u) <= n) from += step;
+            uint n = min(next + (lane >> 2), count - 1u), from = n, key = covering;
+            bool mine = next + (lane >> 2) < count;
+            if (covering == 0u) {
+                // The lane that counted the `n`th, and which of its pixels that is.
+                from = 0u;
+                [[unroll]] for (uint step = WIDTH / 2u; step > 0u; step >>= 1) {
+                    if (subgroupShuffle(through, from + step - 1u) <= n) from += step;
+                }
+                uint bits = subgroupShuffle(shown, from);
+                uint skip = n + bitCount(bits) - subgroupShuffle(through, from);
+                if (skip > 0u) bits &= bits - 1u;
+                if (skip > 1u) bits &= bits - 1u;
+                if (skip > 2u) bits &= bits - 1u;
+                uvec4 quad_keys = subgroupShuffle(keys, from);
+                key = quad_keys[findLSB(bits)];
+                mine = mine && quad_keys[QUAD_LANE] == key;
             }
-            uint bits = subgroupShuffle(shown, from);
-            uint skip = n + bitCount(bits) - subgroupShuffle(through, from);
-            if (skip > 0u) bits &= bits - 1u;
-            if (skip > 1u) bits &= bits - 1u;
-            if (skip > 2u) bits &= bits - 1u;
-            uvec4 quad_keys = subgroupShuffle(keys, from);
-            uint key = quad_keys[findLSB(bits)];
-            bool mine = next + (lane >> 2) < count && quad_keys[QUAD_LANE] == key;
 
             uvec2 pixel = (position << BIN_SIZE_LOG2) + tile_pixel((first + from) * 4u + QUAD_LANE);
             shade(bind_triangle(key), ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);

@@ -1,18 +1,21 @@
 // Vertex: the user's vertex shader, once for each vertex slot.
 //
 // Reads: pieces, index buffers, vertex buffers and whatever the shader binds.
-// Writes: the clip-space position and the varyings of each slot.
+// Writes: the clip-space position and the varyings of each slot; its window position and outcode.
 // Contract: slot `s` holds what the graphics pipeline's vertex stage would output for that vertex
-// and instance; the stage stores nothing else.
+// and instance; the stage stores nothing else. Window positions are those of `lib/window.glsl`.
 // Kernel / Twin: src/compute/vertex.rs; no twin, the shader is the user's.
 //
 // The shader is spliced into `tw_user_bind` and `tw_user_main`; the functions and globals called tw_* are
 // what it sees. An invocation takes VERTEX_ROUNDS slots, one after the other: most of them belong to the
-// same piece, whose fields, attributes and uniforms it fetches once.
+// same piece, whose fields, attributes and uniforms it fetches once. What can be said of a vertex before it
+// is known which triangles it belongs to is said here: in a closed mesh each has six of them, and dividing
+// and moving it to the viewport for each of these was a third of the primitive stage.
 #version 460
 #include "pieces.glsl"
 #include "lib/attribute.glsl"
 #include "lib/quad.glsl"
+#include "lib/window.glsl"
 
 layout(constant_id = SPEC_LANES) const uint LANES = 64u;
 layout(local_size_x_id = SPEC_LANES) in;
@@ -23,29 +26,15 @@ layout(scalar, binding = 3) readonly buffer Attributes { uint attributes[][3]; }
 layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[]; };
 // Pieces in the order of their vertex slots.
 layout(scalar, binding = 5) readonly buffer Runs { uint runs[]; };
+// Window position as bits, and the outcode.
+layout(scalar, binding = 6) writeonly buffer Windows { uvec4 windows[]; };
 
 int tw_VertexIndex, tw_InstanceIndex, tw_BaseVertex, tw_BaseInstance, tw_DrawIndex;
 vec4 tw_Position;
 float tw_PointSize;
 
-// The pipeline's vertex format: for each location its format as SPEC_ATTRIBUTE
-// of abi.rs says, 0 where the pipeline has no attribute.
-#define ATTRIBUTE(n) layout(constant_id = SPEC_ATTRIBUTE + n) const uint ATTRIBUTE_##n = 0u;
-ATTRIBUTE(0) ATTRIBUTE(1) ATTRIBUTE(2) ATTRIBUTE(3) ATTRIBUTE(4) ATTRIBUTE(5) ATTRIBUTE(6) ATTRIBUTE(7)
-ATTRIBUTE(8) ATTRIBUTE(9) ATTRIBUTE(10) ATTRIBUTE(11) ATTRIBUTE(12) ATTRIBUTE(13) ATTRIBUTE(14) ATTRIBUTE(15)
-ATTRIBUTE(16) ATTRIBUTE(17) ATTRIBUTE(18) ATTRIBUTE(19) ATTRIBUTE(20) ATTRIBUTE(21) ATTRIBUTE(22) ATTRIBUTE(23)
-ATTRIBUTE(24) ATTRIBUTE(25) ATTRIBUTE(26) ATTRIBUTE(27) ATTRIBUTE(28) ATTRIBUTE(29) ATTRIBUTE(30) ATTRIBUTE(31)
-
-uint attribute_format(const uint location) {
-    uint formats[MAX_ATTRIBUTES] = uint[](
-        ATTRIBUTE_0, ATTRIBUTE_1, ATTRIBUTE_2, ATTRIBUTE_3, ATTRIBUTE_4, ATTRIBUTE_5, ATTRIBUTE_6, ATTRIBUTE_7,
-        ATTRIBUTE_8, ATTRIBUTE_9, ATTRIBUTE_10, ATTRIBUTE_11, ATTRIBUTE_12, ATTRIBUTE_13, ATTRIBUTE_14, ATTRIBUTE_15,
-        ATTRIBUTE_16, ATTRIBUTE_17, ATTRIBUTE_18, ATTRIBUTE_19, ATTRIBUTE_20, ATTRIBUTE_21, ATTRIBUTE_22, ATTRIBUTE_23,
-        ATTRIBUTE_24, ATTRIBUTE_25, ATTRIBUTE_26, ATTRIBUTE_27, ATTRIBUTE_28, ATTRIBUTE_29, ATTRIBUTE_30, ATTRIBUTE_31);
-    return formats[location];
-}
-
 Piece piece;
+Viewport viewport;
 Attribute bound_attributes[MAX_ATTRIBUTES];
 uint varying_base;
 
@@ -62,9 +51,9 @@ void tw_bind_attribute(const in uint location) {
     bound_attributes[location] = Attribute(words.x, words.y, words.z);
 }
 
-// The component at `byte` of the buffer from `slot` on. Components are aligned to their size.
+// The component at `byte` of what the slot shows. Components are aligned to their size.
 uint fetch_component(const uint slot, const uint component, const uint byte) {
-    uint word = fetch_word(slot, byte);
+    uint word = table[nonuniformEXT(slot)].words[byte >> 2];
     return component_value(component, component_bytes(component) == 4u ? word : word >> ((byte & 3u) * 8u));
 }
 
@@ -76,11 +65,12 @@ uvec4 fetch(const uint location, const uint one) {
     // Not through a local variable, which a lane that is switched off would leave undefined.
     uint index = uint((format & ATTRIBUTE_PER_INSTANCE) != 0u ? tw_InstanceIndex : tw_VertexIndex);
     uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index;
-    uint size = component_bytes(component);
-    value.x = fetch_component(bound_attributes[location].slot, component, byte);
-    if (count > 1u) value.y = fetch_component(bound_attributes[location].slot, component, byte + size);
-    if (count > 2u) value.z = fetch_component(bound_attributes[location].slot, component, byte + 2u * size);
-    if (count > 3u) value.w = fetch_component(bound_attributes[location].slot, component, byte + 3u * size);
+    uint slot = bound_attributes[location].slot + (byte >> WINDOW_LOG2), size = component_bytes(component);
+    byte &= (1u << WINDOW_LOG2) - 1u;
+    value.x = fetch_component(slot, component, byte);
+    if (count > 1u) value.y = fetch_component(slot, component, byte + size);
+    if (count > 2u) value.z = fetch_component(slot, component, byte + 2u * size);
+    if (count > 3u) value.w = fetch_component(slot, component, byte + 3u * size);
     return value;
 }
 
@@ -147,6 +137,9 @@ void bind(const uint index) {
     piece.attribute_base = stage.z;
     piece.vertex_resources = stage.w;
     piece.draw_id = pieces[index].draw_id;
+    vec4 window = uintBitsToFloat(of_quad(pieces[index].window[QUAD_LANE]));
+    viewport.scale = vec3(window.xy, pieces[index].depth_scale);
+    viewport.offset = vec3(window.zw, pieces[index].depth_offset);
     tw_user_bind();
 }
 
@@ -190,6 +183,8 @@ void main() {
             varying_base = (piece.varying_base + local * piece.varying_stride) >> 2;
             tw_user_main();
             positions[slot] = tw_Position;
+            vec4 p = sanitized(tw_Position);
+            windows[slot] = uvec4(floatBitsToUint(window_position(viewport, p, false)), outcode(p));
         }
     }
 }

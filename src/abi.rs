@@ -43,6 +43,8 @@ pub const QUAD: u32 = 4;
 /// Bytes of a vertex or index buffer, as a power of two, that one slot of the resource table shows;
 /// longer buffers take several that follow each other. A binding reaches 2^27 bytes on every device.
 pub const WINDOW_LOG2: u32 = 26;
+/// Bytes that such a slot shows beyond its own, so that it has all of an attribute that begins in it.
+pub const WINDOW_OVERLAP: u32 = 16;
 /// Invocations of a workgroup where nothing else decides.
 pub const GROUP: u32 = 64;
 /// Vertex slots of one invocation of the vertex stage, a workgroup apart.
@@ -79,7 +81,8 @@ pub const ATTRIBUTE_PER_INSTANCE: u32 = 4096;
 pub const DEPTH_EARLY_TEST: u32 = 0;
 /// Depth test and write after the shader.
 pub const DEPTH_LATE: u32 = 1;
-/// Depth test and write before the shader, as `layout(early_fragment_tests)` demands.
+/// Depth test and write before the shader, as `layout(early_fragment_tests)` demands and as nobody can
+/// tell from later where the shader always keeps its fragment as it is.
 pub const DEPTH_EARLY: u32 = 2;
 /// Colour format: four 8-bit channels.
 pub const FORMAT_RGBA8_UNORM: u32 = 0;
@@ -154,6 +157,10 @@ pub struct Batch {
     pub fragment_kernel: u32,
     /// Fragment kernels of the batch.
     pub fragment_kernels: u32,
+    /// Not 0 where a trace wants `visibility` to be complete.
+    pub traced: u32,
+    /// Not 0 if another batch of the pass follows, which will ask for the bounds of the bins.
+    pub followed: u32,
 }
 
 /// What the clear stores: the push constants of its kernel.

@@ -96,7 +96,8 @@ pub struct Capacities {
 impl Capacities {
     /// 262,144 primitives: triangles of 112 MiB and lists of 112 MiB if all of them were clipped into
     /// seven, which is what a storage buffer may hold on common devices; untouched memory costs nothing
-    /// where the host's is the device's; positions of 16 MiB and varyings of 128 MiB at most.
+    /// where the host's is the device's; positions of 16 MiB, in clip space
+    /// and in the window, and varyings of 128 MiB at most.
     pub const DEFAULT: Self =
         Self { primitives: 1 << 18, vertices: 1 << 20, varying_words: 1 << 25 };
 

@@ -28,14 +28,19 @@ fn probe<I: Pod, O: Pod>(gpu: &Gpu, includes: &[&str], body: &str, inputs: &[I])
 #define BIN_PIXELS {}u
 #define FORMAT_RGBA8_SRGB {}u
 #define FORMAT_RGBA8_UNORM {}u
-#define FORMAT_RGBA16_FLOAT {}u\n",
+#define FORMAT_RGBA16_FLOAT {}u
+#define BIN_SIZE_LOG2 {}u
+const uint WIDTH = {}u;
+const bool GREATER = false;\n",
         abi::SUBPIXEL_BITS,
         abi::KEY_LOG2,
         abi::MAX_CLIPPED,
         abi::BIN_PIXELS,
         abi::FORMAT_RGBA8_SRGB,
         abi::FORMAT_RGBA8_UNORM,
-        abi::FORMAT_RGBA16_FLOAT
+        abi::FORMAT_RGBA16_FLOAT,
+        abi::BIN_SIZE_LOG2,
+        gpu.limits().subgroup_size
     );
     for include in includes {
         let text = fs::read_to_string(folder.join(include)).expect("a file of glsl/");
@@ -58,7 +63,15 @@ void main() {{
     let mut module = rspirv::dr::load_words(kernel_spirv(&source)).expect("a module");
     contraction::forbid(&mut module);
     let spirv = module.assemble();
-    let info = KernelInfo { name: "probe", spirv: &spirv, ..KernelInfo::default() };
+    let subgroup_size = Some(gpu.limits().subgroup_size);
+    let name = "probe";
+    let info = KernelInfo {
+        name,
+        spirv: &spirv,
+        full_subgroups: true,
+        subgroup_size,
+        ..KernelInfo::default()
+    };
     let kernel = Kernel::new(gpu, &info).expect("a kernel");
     let input = Buffer::upload(gpu, "inputs", inputs).expect("memory");
     let output = Buffer::<O>::new(gpu, "outputs", inputs.len(), Memory::Device).expect("memory");
@@ -234,6 +247,95 @@ fn texels_are_encoded_as_the_host_encodes_clears() {
                 let host = texel_rgba8(format, *color).expect("an 8-bit format");
                 assert_eq!(device.to_le_bytes(), host, "{color:?} in {format:?}");
             }
+        }
+    });
+}
+
+#[test]
+fn what_is_encoded_stays_when_it_is_decoded_and_encoded_again() {
+    on_each_gpu("texels there and back", |gpu| {
+        // Blending leaves pixels alone to which a transparent fragment adds nothing.
+        let texels: Vec<[u32; 4]> = (0..256).map(|v| [v * 0x0101_0101, 0, 0, 0]).collect();
+        let body =
+            "r.x = color_encode(FORMAT_RGBA8_UNORM, color_decode(FORMAT_RGBA8_UNORM, v.xy)).x;
+            r.y = color_encode(FORMAT_RGBA8_SRGB, color_decode(FORMAT_RGBA8_SRGB, v.xy)).x;";
+        let back: Vec<[u32; 4]> = probe(gpu, &["lib/color.glsl"], body, &texels);
+        for ([texel, ..], [unorm, srgb, ..]) in texels.into_iter().zip(back) {
+            assert_eq!([unorm, srgb], [texel, texel], "{texel:x}");
+        }
+    });
+}
+
+#[test]
+fn lanes_know_of_each_other() {
+    on_each_gpu("lanes", |gpu| {
+        let width = gpu.limits().subgroup_size as usize;
+        let mut random = Random::new(8);
+        let inputs: Vec<[u32; 4]> = (0..64 * 64)
+            .map(|_| [random.below(4).min(1) as u32, random.signed().to_bits(), 0, 0])
+            .collect();
+        let body = "float number = uintBitsToFloat(v.y);
+            uvec4 lanes = lanes_where(v.x == 0u);
+            r.x = has_lanes(lanes) ? first_lane(lanes) : 99u;
+            lanes = without_first_lane(lanes);
+            r.y = has_lane(lanes, gl_SubgroupInvocationID) ? 1u : 0u;
+            r.z = floatBitsToUint(lanes_min(number));
+            r.w = floatBitsToUint(lanes_max(number));";
+        let outputs: Vec<[u32; 4]> = probe(gpu, &["lib/lanes.glsl"], body, &inputs);
+        for (inputs, outputs) in inputs.chunks(width).zip(outputs.chunks(width)) {
+            let first = inputs.iter().position(|v| v[0] == 0);
+            let numbers = || inputs.iter().map(|v| f32::from_bits(v[1]));
+            let least = numbers().fold(f32::INFINITY, f32::min).to_bits();
+            let most = numbers().fold(f32::NEG_INFINITY, f32::max).to_bits();
+            for (lane, (input, output)) in inputs.iter().zip(outputs).enumerate() {
+                let left = u32::from(input[0] == 0 && Some(lane) != first);
+                let expected = [first.unwrap_or(99) as u32, left, least, most];
+                assert_eq!(*output, expected, "lane {lane} of {inputs:?}");
+            }
+        }
+    });
+}
+
+#[test]
+fn patches_are_left_out_where_an_edge_has_them_outside() {
+    on_each_gpu("patches", |gpu| {
+        let mut random = Random::new(9);
+        // Three edges, each with its value at the first pixel and its steps; a box.
+        let inputs: Vec<[u32; 4]> = (0..CASES)
+            .map(|_| {
+                let edge = |random: &mut Random| {
+                    let at = (random.below(2400) as i32 - 1200) as u32 & 0xffff;
+                    let mut step = || (random.below(255) as i32 - 127) as u32 & 0xff;
+                    at | step() << 16 | step() << 24
+                };
+                let edges = [0; 3].map(|_| edge(&mut random));
+                let (x, y) = (random.below(8), random.below(8));
+                let last = [x + random.below(8 - x), y + random.below(8 - y)];
+                let corners = x | y << 4 | last[0] << 8 | last[1] << 12;
+                [edges[0], edges[1], edges[2], corners as u32]
+            })
+            .collect();
+        let body = "ivec3 at = ivec3(v.xyz << 16) >> 16, dx = ivec3(v.xyz << 8) >> 24, dy = ivec3(v.xyz) >> 24;
+            ivec4 corners = ivec4(v.w, v.w >> 4, v.w >> 8, v.w >> 12) & 15;
+            r.x = patches_touched(at, dx, dy, corners.xy, corners.zw);
+            r.yzw = uvec3(1u << PATCH_X_LOG2, 1u << PATCH_Y_LOG2, COLUMNS);";
+        let outputs: Vec<[u32; 4]> = probe(gpu, &["lib/block.glsl"], body, &inputs);
+        for (input, [patches, width, height, columns]) in inputs.iter().zip(outputs) {
+            let corner = |n: u32| (input[3] >> (4 * n) & 15) as i32;
+            let mut expected = 0;
+            for patch in 0..64 / (width * height) {
+                let (x, y) = ((patch % columns * width) as i32, (patch / columns * height) as i32);
+                let (end_x, end_y) = (x + width as i32, y + height as i32);
+                let boxed =
+                    corner(0) < end_x && corner(2) >= x && corner(1) < end_y && corner(3) >= y;
+                let inside = input[..3].iter().all(|&edge| {
+                    let signed = |shift: u32, bits: u32| (edge << shift) as i32 >> (32 - bits);
+                    let (at, dx, dy) = (signed(16, 16), signed(8, 8), signed(0, 8));
+                    (x..end_x).any(|x| (y..end_y).any(|y| at + dx * x + dy * y >= 0))
+                });
+                expected |= u32::from(boxed && inside) << patch;
+            }
+            assert_eq!(patches, expected, "{input:x?}");
         }
     });
 }

@@ -2,32 +2,22 @@
 #ifndef BLEND_GLSL
 #define BLEND_GLSL
 
+// Odd factors are 1 minus the even ones before them. Selections, because drivers for CPUs make a dozen branches
+// of a switch, and compile them all.
 vec4 blend_factor(const uint factor, const vec4 source, const vec4 target) {
-    switch (factor) {
-        case 0u: return vec4(0.0);
-        case 1u: return vec4(1.0);
-        case 2u: return source;
-        case 3u: return 1.0 - source;
-        case 4u: return target;
-        case 5u: return 1.0 - target;
-        case 6u: return vec4(source.a);
-        case 7u: return vec4(1.0 - source.a);
-        case 8u: return vec4(target.a);
-        default: return vec4(1.0 - target.a);
-    }
+    vec4 even = factor < 4u ? source : (factor < 6u ? target : vec4(factor < 8u ? source.a : target.a));
+    if (factor < 2u) even = vec4(0.0);
+    return (factor & 1u) != 0u ? 1.0 - even : even;
 }
 
 // `equation`: source factor, target factor and operation, 4 bits each.
 vec4 blend_apply(const uint equation, const vec4 source, const vec4 target) {
+    uint operation = equation >> 8;
     vec4 s = source * blend_factor(equation & 15u, source, target);
     vec4 t = target * blend_factor((equation >> 4) & 15u, source, target);
-    switch (equation >> 8) {
-        case 0u: return s + t;
-        case 1u: return s - t;
-        case 2u: return t - s;
-        case 3u: return min(source, target);
-        default: return max(source, target);
-    }
+    vec4 sum = operation == 0u ? s + t : (operation == 1u ? s - t : t - s);
+    vec4 extreme = operation == 3u ? min(source, target) : max(source, target);
+    return operation < 3u ? sum : extreme;
 }
 
 // Whether an equation adds, one or source alpha times the source, and one or 1 - source alpha times the
@@ -35,6 +25,12 @@ vec4 blend_apply(const uint equation, const vec4 source, const vec4 target) {
 bool blend_adds(const uint equation) {
     uint source_factor = equation & 15u, rest = equation >> 4;
     return (source_factor == 1u || source_factor == 6u) && (rest == 1u || rest == 7u);
+}
+
+// Whether a finite source without alpha leaves the target as it is: source alpha times the source, or for
+// alpha itself once, and one or 1 - source alpha times the target.
+bool blend_keeps(const uint color, const uint alpha) {
+    return blend_adds(color) && blend_adds(alpha) && (color & 15u) == 6u;
 }
 
 vec4 blend(const uint color, const uint alpha, const vec4 source, const vec4 target) {

@@ -29,16 +29,25 @@ vec2 depth_bounds(const vec3 plane, const ivec2 origin, const ivec2 last) {
     return GREATER ? vec2(high, low) : vec2(low, high);
 }
 
-// One bit for each patch of the block under the pixels `low..=high`, which are relative to it and
-// overlap it.
-uint patches_under(const ivec2 low, const ivec2 high) {
+// One bit for each patch of the block that a triangle may touch, row by row: under the pixels
+// `low..=high`, which are relative to the block and overlap it, and inside of all edges at some pixel, as far
+// as one edge after the other can tell. The edges are `at` the block's first pixel.
+uint patches_touched(const ivec3 at, const ivec3 dx, const ivec3 dy, const ivec2 low, const ivec2 high) {
     uvec2 first = uvec2(max(low, 0)), last = uvec2(min(high, BLOCK_LAST));
     uint columns = (2u << (last.x >> PATCH_X_LOG2)) - (1u << (first.x >> PATCH_X_LOG2));
-    uint rows = 0u;
+    ivec3 row_most = at + max(dx, 0) * ((1 << PATCH_X_LOG2) - 1) + max(dy, 0) * ((1 << PATCH_Y_LOG2) - 1);
+    uint patches = 0u;
     [[unroll]] for (uint row = 0u; row < ROWS; row++) {
         bool under = row >= first.y >> PATCH_Y_LOG2 && row <= last.y >> PATCH_Y_LOG2;
-        rows |= under ? columns << (row * COLUMNS) : 0u;
+        uint inside = 0u;
+        ivec3 most = row_most;
+        [[unroll]] for (uint column = 0u; column < COLUMNS; column++) {
+            inside |= (most.x | most.y | most.z) >= 0 ? 1u << column : 0u;
+            most += dx << PATCH_X_LOG2;
+        }
+        row_most += dy << PATCH_Y_LOG2;
+        patches |= under ? (inside & columns) << (row * COLUMNS) : 0u;
     }
-    return rows;
+    return patches;
 }
 #endif

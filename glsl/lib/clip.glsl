@@ -15,16 +15,11 @@
 const uint CLIP_PLANES = 6u;
 const uint CLIP_CORNERS = 3u + CLIP_PLANES;
 
-// Distance from plane `plane`, negative outside. A correctly rounded difference has the right sign.
+// Distance from plane `plane`, negative outside: w - x, w + x, w - y, w + y, z, w - z. A correctly rounded
+// difference has the right sign.
 float clip_distance(const uint plane, const vec4 p) {
-    switch (plane) {
-        case 0u: return p.w - p.x;
-        case 1u: return p.w + p.x;
-        case 2u: return p.w - p.y;
-        case 3u: return p.w + p.y;
-        case 4u: return p.z;
-        default: return p.w - p.z;
-    }
+    float along = plane < 2u ? p.x : (plane < 4u ? p.y : p.z);
+    return plane == 4u ? along : (plane == 1u || plane == 3u ? p.w + along : p.w - along);
 }
 
 // One bit for each plane that `p` is outside of.
@@ -36,14 +31,9 @@ uint clip_outcode(const vec4 p) {
     return code;
 }
 
-// The point between `outside` and `inside` on a plane.
-vec4 clip_point(const vec4 outside, const float dout, const vec4 inside, const float din) {
-    float t = exact_divide(dout, dout - din);
-    return outside + (inside - outside) * t;
-}
-
 // Clips the polygon `corners[0..3]` by the planes of `code`; returns the corners left. `made` gets one
-// bit for each that is not one of the triangle's.
+// bit for each that is not one of the triangle's. Each array is read and written in one place: CPUs do so lane
+// by lane, and compile that.
 uint clip_polygon(inout vec4 corners[CLIP_CORNERS], const uint code, out uint made) {
     uint count = 3u;
     made = 0u;
@@ -52,17 +42,23 @@ uint clip_polygon(inout vec4 corners[CLIP_CORNERS], const uint code, out uint ma
         vec4 from[CLIP_CORNERS] = corners;
         uint made_from = made, kept = 0u;
         made = 0u;
+        vec4 a = from[0];
+        float da = clip_distance(plane, a);
         [[dont_unroll]] for (uint i = 0u; i < count; i++) {
-            vec4 a = from[i], b = from[i + 1u < count ? i + 1u : 0u];
-            float da = clip_distance(plane, a), db = clip_distance(plane, b);
-            if (da >= 0.0 && kept < CLIP_CORNERS) {
-                made |= ((made_from >> i) & 1u) << kept;
-                corners[kept++] = a;
+            vec4 b = from[i + 1u < count ? i + 1u : 0u];
+            float db = clip_distance(plane, b);
+            // First the corner, if it is inside, then the point where the edge to the next one crosses, if it
+            // does, computed from outside to inside.
+            bool leaves = da >= 0.0;
+            float t = exact_divide(leaves ? db : da, leaves ? db - da : da - db);
+            vec4 outside = leaves ? b : a, crossing = outside + ((leaves ? a : b) - outside) * t;
+            [[dont_unroll]] for (uint k = leaves ? 0u : 1u; k < (leaves != (db >= 0.0) ? 2u : 1u); k++) {
+                if (kept == CLIP_CORNERS) break;
+                made |= (k == 0u ? (made_from >> i) & 1u : 1u) << kept;
+                corners[kept++] = k == 0u ? a : crossing;
             }
-            if ((da < 0.0) != (db < 0.0) && kept < CLIP_CORNERS) {
-                made |= 1u << kept;
-                corners[kept++] = da < 0.0 ? clip_point(a, da, b, db) : clip_point(b, db, a, da);
-            }
+            a = b;
+            da = db;
         }
         count = kept;
     }

@@ -27,10 +27,18 @@ vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c) {
     return vec3(settled(plane.x), settled(plane.y), settled(plane.z));
 }
 
-// Depth at the pixel, clamped to 0..1.
-float depth_at(const float z, const float dzdx, const float dzdy, const ivec2 pixel) {
-    float d = multiply_add(dzdy, float(pixel.y), multiply_add(dzdx, float(pixel.x), z));
+// Depth at the pixel, clamped to 0..1, in two steps: the first serves a whole column of pixels.
+float depth_of_column(const float z, const float dzdx, const int x) {
+    return multiply_add(dzdx, float(x), z);
+}
+
+float depth_in_column(const float column, const float dzdy, const int y) {
+    float d = multiply_add(dzdy, float(y), column);
     // Written so that every device picks +0 for anything not above zero.
     return d > 0.0 ? (d < 1.0 ? d : 1.0) : 0.0;
+}
+
+float depth_at(const float z, const float dzdx, const float dzdy, const ivec2 pixel) {
+    return depth_in_column(depth_of_column(z, dzdx, pixel.x), dzdy, pixel.y);
 }
 #endif

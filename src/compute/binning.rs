@@ -29,7 +29,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernels: &Kernels) -> Resu
         .bind("Entries", &b.entries)
         .table(stage.table)
         .push(&stage.push)
-        .dispatch(grid::groups(stage.push.primitives, abi::GROUP))
+        .dispatch(grid::groups(stage.push.primitives, abi::GROUP * abi::PRIMITIVE_ROUNDS))
 }
 
 pub fn record_sort(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result<()> {

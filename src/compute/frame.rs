@@ -23,6 +23,7 @@ use crate::{
 /// | buffer | element | written by | read by |
 /// |---|---|---|---|
 /// | `positions` | clip-space position of a vertex slot | vertex | primitive, shading |
+/// | `windows` | window position and outcode of a vertex slot | vertex | primitive |
 /// | `varyings` | word of a vertex slot | vertex | shading |
 /// | `triangles` | triangle | primitive | binning, raster, shading |
 /// | `cell_counts` | triangles of a cell | primitive | scan |
@@ -30,12 +31,13 @@ use crate::{
 /// | `entries` | key in a cell's list | scatter, sort | raster, ordered |
 /// | `bins`, `bin_args` | non-empty bin; dispatch over them | scan | raster, ordered |
 /// | `visibility` | keys that the pixels of a quad show | raster, ordered | shade |
-/// | `shade_bins`, `shade_args` | bin of a fragment kernel; dispatch over them | raster | shade |
+/// | `shade_bins`, `shade_args` | bin of a fragment kernel and what covers it; dispatch over them | raster | shade |
 pub struct Buffers {
     pub attributes: Buffer<Attribute>,
     pub runs: Buffer<u32>,
     pub resource_slots: Buffer<u32>,
     pub positions: Buffer<[f32; 4]>,
+    pub windows: Buffer<[u32; 4]>,
     pub varyings: Buffer<u32>,
     pub triangles: Buffer<Triangle>,
     pub cell_counts: Buffer<u32>,
@@ -46,7 +48,7 @@ pub struct Buffers {
     pub visibility: Buffer<[u32; 4]>,
     pub shade_args: Buffer<[u32; 3]>,
     pub shade_args_start: Buffer<[u32; 3]>,
-    pub shade_bins: Buffer<u32>,
+    pub shade_bins: Buffer<[u32; 2]>,
 }
 
 /// The kernels a plan needs, by the plan's own numbers.
@@ -167,6 +169,7 @@ impl Setup {
             runs: upload(gpu, "runs", &plan.runs)?,
             resource_slots: upload(gpu, "resource slots", &plan.resource_slots)?,
             positions: Buffer::new(gpu, "positions", capacities.vertices as usize, device)?,
+            windows: Buffer::new(gpu, "window positions", capacities.vertices as usize, device)?,
             varyings: words_of(
                 "varyings",
                 (capacities.varying_words as usize).next_multiple_of(4),
@@ -180,7 +183,12 @@ impl Setup {
             visibility: Buffer::new(gpu, "visibility", (pixels / 4).max(1), device)?,
             shade_args: Buffer::new(gpu, "shade arguments", fragment_kernels, device)?,
             shade_args_start: Buffer::upload(gpu, "first shade arguments", &start)?,
-            shade_bins: words_of("shade bins", fragment_kernels * band.bins() as usize)?,
+            shade_bins: Buffer::new(
+                gpu,
+                "shade bins",
+                fragment_kernels * band.bins() as usize,
+                device,
+            )?,
         };
         let vertex: Vec<Wanted> =
             plan.vertex_kernels.iter().map(|key| Wanted::Vertex(key.clone())).collect();
@@ -245,7 +253,8 @@ impl Setup {
             for (b, batch) in plan.batches.iter().enumerate() {
                 // A single batch leaves its vertices in place for all bands.
                 let vertices = n == 0 || plan.batches.len() > 1;
-                self.batch(renderer, &mut recorder, (band, target), &pieces, (b, batch), vertices)?;
+                let how = (vertices, false);
+                self.batch(renderer, &mut recorder, (band, target), &pieces, (b, batch), how)?;
             }
             recordings.push(recorder.finish()?);
             copies.extend(target.copies(&self.gpu)?);
@@ -286,7 +295,8 @@ impl Setup {
         pieces
     }
 
-    /// Records all stages of one batch.
+    /// Records all stages of one batch; that of vertices only if they are not in place yet, and with
+    /// complete visibility if it is traced.
     pub fn batch(
         &self,
         renderer: &Renderer,
@@ -294,7 +304,7 @@ impl Setup {
         (band, target): (&Grid, &Target),
         pieces: &Buffer<Piece>,
         (number, batch): (usize, &BatchPlan),
-        vertices: bool,
+        (vertices, traced): (bool, bool),
     ) -> Result<()> {
         let stage = Stage {
             buffers: &self.buffers,
@@ -302,7 +312,11 @@ impl Setup {
             pieces,
             table: &self.tables[batch.table],
             width: self.gpu.limits().subgroup_size,
-            push: self.push(band, batch),
+            push: Batch {
+                traced: traced.into(),
+                followed: (number + 1 < self.kernels.raster.len()).into(),
+                ..self.push(band, batch)
+            },
         };
         if vertices {
             vertex::record(recorder, &stage, &self.kernels.vertex, batch)?;

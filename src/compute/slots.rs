@@ -119,7 +119,7 @@ impl Slots for TableSlots<'_> {
         } else {
             let windows = uploaded.len().div_ceil(window);
             let first = self.consecutive(windows, |slots, n| {
-                let end = uploaded.len().min((n + 1) * window);
+                let end = uploaded.len().min((n + 1) * window + abi::WINDOW_OVERLAP as usize);
                 slots.table().insert_buffer(&uploaded.slice(n * window..end)?)
             })?;
             self.long.insert(Arc::as_ptr(buffer), first);

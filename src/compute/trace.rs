@@ -36,7 +36,7 @@ impl Setup {
                     (band, target),
                     &pieces,
                     (number, batch),
-                    true,
+                    (true, true),
                 )?;
                 let positions = recorder.download(&buffers.positions)?;
                 let triangles = recorder.download(&buffers.triangles)?;

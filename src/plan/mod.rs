@@ -392,7 +392,7 @@ fn method(pipeline: &Pipeline, has_depth: bool, kernel: usize) -> Method {
     if tested && pure && pipeline.blend.is_none() {
         return Method::Opaque(pipeline.depth.compare);
     }
-    let depth = if fragment.early_fragment_tests {
+    let depth = if fragment.early_fragment_tests || pure {
         abi::DEPTH_EARLY
     } else if fragment.writes_depth || fragment.has_side_effects {
         abi::DEPTH_LATE

@@ -1,0 +1,42 @@
+// From clip space to the window: what is done once for each vertex, before triangles are made of them.
+#ifndef WINDOW_GLSL
+#define WINDOW_GLSL
+#include "lib/clip.glsl"
+
+// What an outcode says beyond the planes of clip.glsl: a vertex at or behind the eye, which has no window
+// position, and one that no triangle can have.
+const uint OUT_BEHIND = 1u << CLIP_PLANES;
+const uint OUT_UNUSABLE = 2u << CLIP_PLANES;
+const uint OUT_PLANES = OUT_BEHIND - 1u;
+
+// A viewport: pixels and depth = normalized device coordinates * scale + offset.
+struct Viewport {
+    vec3 scale;
+    vec3 offset;
+};
+
+// Clip space without denormals, which devices may flush.
+vec4 sanitized(const vec4 p) {
+    return vec4(flush(p.x), flush(p.y), flush(p.z), flush(p.w));
+}
+
+uint outcode(const vec4 p) {
+    bool usable = is_finite(p.x) && is_finite(p.y) && is_finite(p.z) && is_finite(p.w);
+    return clip_outcode(p) | (p.w <= 0.0 ? OUT_BEHIND : 0u) | (usable ? 0u : OUT_UNUSABLE);
+}
+
+// Clip space to window: pixels and depth, unsnapped. As rasterizers do it, the viewport transform is
+// fused for the vertices of the user and not for corners `made` by clipping. Only rounding, and
+// viewports larger than any target, get farther out than the bound.
+vec3 window_position(const Viewport viewport, const vec4 p, const bool made) {
+    float inverse = exact_divide(1.0, p.w);
+    vec3 ndc = p.xyz * inverse, scale = viewport.scale, offset = viewport.offset;
+    vec3 window = ndc * scale + offset;
+    if (!made) {
+        window = vec3(multiply_add(ndc.x, scale.x, offset.x), multiply_add(ndc.y, scale.y, offset.y),
+                      multiply_add(ndc.z, scale.z, offset.z));
+    }
+    const float far_out = float(1u << GUARD_LOG2);
+    return vec3(clamp(window.xy, vec2(-far_out), vec2(far_out)), window.z);
+}
+#endif

@@ -1,0 +1,48 @@
+// What raster leaves for shading: pixels in their places, and for each fragment kernel of the batch the bins
+// where it has some. What includes this has declared `triangles` and `pieces`.
+#ifndef SHADE_LISTS_GLSL
+#define SHADE_LISTS_GLSL
+#include "bin.glsl"
+#include "lib/key.glsl"
+
+// For each fragment kernel the arguments of its dispatch, one workgroup column per bin.
+layout(scalar, binding = 7) buffer ShadeArgs { uvec3 shade_args[]; };
+// `batch.bins` entries for each fragment kernel: a bin, and the key of the triangle that covers it, or 0.
+layout(scalar, binding = 8) writeonly buffer ShadeBins { uvec2 shade_bins[]; };
+
+// The number among the batch's fragment kernels of the one that shades the triangle of `key`.
+uint fragment_kernel_of(const uint key) {
+    if (batch.fragment_kernels == 1u) return 0u;
+    return pieces[triangles[key_triangle(key, batch.extra_first)].piece].fragment_kernel;
+}
+
+// Brings depth and keys of the bin's pixels to where they belong; finds which fragment kernels they ask for,
+// and the bounds of depth.
+void finish(const Bin bin, out uint shown, out vec2 bounds) {
+    shown = 0u;
+    bounds = vec2(2.0, -1.0);
+    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) {
+        ivec2 p = ivec2(tile_pixel(i));
+        uint key = 0u;
+        if (in_target(bin, p)) {
+            key = held_key(bin, i);
+            float z = held_depth(bin, i, p);
+            if (key != 0u && !IN_PLACE) depth[depth_place(bin, p)] = z;
+            bounds = vec2(min(bounds.x, z), max(bounds.y, z));
+        }
+        if (!IN_PLACE || !in_target(bin, BIN_LAST)) visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = key;
+        if (key != 0u) shown |= 1u << fragment_kernel_of(key);
+    }
+    bounds = vec2(lanes_min(bounds.x), lanes_max(bounds.y));
+    shown = subgroupOr(shown);
+}
+
+// Lists `bin` for each fragment kernel that has a bit in `kernels`; all lanes have the same arguments.
+void list_for_shading(uint kernels, const uvec2 bin) {
+    while (kernels != 0u) {
+        uint kernel = uint(findLSB(kernels));
+        kernels &= kernels - 1u;
+        if (gl_SubgroupInvocationID == 0u) shade_bins[kernel * batch.bins + atomicAdd(shade_args[kernel].x, 1u)] = bin;
+    }
+}
+#endif
