@@ -1,6 +1,6 @@
 // Binning, third step: writes each triangle's key into the lists of the cells it touches.
 //
-// Reads: triangles.
+// Reads: the cell of each primitive; triangles of those that several cells list, or that were clipped.
 // Writes: the lists; `cell_ends`, which each list's entries count up to its end.
 // Contract: a cell's list holds the key of every valid triangle that `cells.glsl` lists there, each
 // once, in no order.
@@ -16,6 +16,7 @@ layout(local_size_x = GROUP) in;
 layout(scalar, binding = 1) readonly buffer Triangles { Triangle triangles[]; };
 layout(scalar, binding = 2) buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 3) writeonly buffer Entries { uint entries[]; };
+layout(scalar, binding = 4) readonly buffer PrimitiveCells { uint primitive_cells[]; };
 
 void scatter(const uint key, const uint at) {
     uint flags = triangles[at].flags;
@@ -38,6 +39,9 @@ void main() {
     first = first * GROUP * PRIMITIVE_ROUNDS + gl_LocalInvocationIndex;
     uint end = min(first + GROUP * PRIMITIVE_ROUNDS, batch.primitives);
     [[dont_unroll]] for (uint primitive = first; primitive < end; primitive += GROUP) {
+        uint cell = primitive_cells[primitive];
+        if (cell < SEVERAL_CELLS) entries[atomicAdd(cell_ends[cell], 1u)] = key_of(primitive, 0u);
+        if (cell != SEVERAL_CELLS) continue;
         uint parts = 1u + (triangles[primitive].flags >> TRIANGLE_EXTRA_SHIFT);
         for (uint part = 0u; part < parts; part++) {
             uint key = key_of(primitive, part);

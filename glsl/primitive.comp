@@ -1,10 +1,12 @@
 // Primitive: assembles, clips, culls and sets up every primitive of a batch.
 //
 // Reads: pieces, index buffers, window positions and outcodes; clip-space positions of what is clipped.
-// Writes: triangles, one for each primitive and more where it is clipped; counts of the cells.
+// Writes: triangles, one for each primitive and more where it is clipped; counts of the cells; for each
+// primitive the cell that lists it, NONE or SEVERAL_CELLS.
 // Contract: the triangles of a primitive cover exactly the pixel centres inside it and inside the
 // clip volume, viewport and scissor, by the top-left rule; two triangles of an edge share no pixel
-// and leave none out. `flags` is 0 for a primitive that draws nothing.
+// and leave none out. Of a primitive that draws nothing, no triangle is written but for a trace, whose
+// `flags` are 0.
 // Kernel / Twin: src/compute/primitive.rs, src/reference/primitive.rs.
 //
 // An invocation takes PRIMITIVE_ROUNDS primitives, one after the other: most of them belong to the same
@@ -21,6 +23,7 @@ layout(scalar, binding = 1) readonly buffer Positions { vec4 positions[]; };
 layout(scalar, binding = 2) readonly buffer Windows { uvec4 windows[]; };
 layout(scalar, binding = 3) writeonly buffer Triangles { QuadTriangle triangles[]; };
 layout(scalar, binding = 4) buffer CellCounts { uint cell_counts[]; };
+layout(scalar, binding = 5) writeonly buffer PrimitiveCells { uint primitive_cells[]; };
 
 // The piece that holds the batch's primitive `primitive`.
 uint piece_of_primitive(const uint primitive) {
@@ -52,8 +55,10 @@ void store_flags(const uint at, const uint flags) {
     triangles[at].vertices_flags.w = flags;
 }
 
-// Sets up one triangle at `at`, whose flags include `more`; without TRIANGLE_VALID if it draws nothing.
-void set_up(const uint at, const uint more, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
+// Sets up one triangle at `at`, whose flags include `more`; without TRIANGLE_VALID if it draws nothing. The
+// result is the cell that lists it, NONE or SEVERAL_CELLS. If it is not a `part`, nothing is stored of a
+// triangle that draws nothing: half of a mesh shows its back, and memory is what large ones wait for.
+uint set_up(const uint at, const bool part, const uint more, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
     ivec2 sa = snap(a), sb = snap(b), sc = snap(c);
     int turn = wide_sign(wide_subtract(wide_product(sb.x - sa.x, sc.y - sa.y), wide_product(sc.x - sa.x, sb.y - sa.y)));
     bool front = (turn > 0) == (piece.front_face == 1u);
@@ -69,8 +74,8 @@ void set_up(const uint at, const uint more, const Piece piece, const uint piece_
     low = max(low, piece.rect_min);
     high = min(high, piece.rect_max);
     if (!drawn || low.x > high.x || low.y > high.y) {
-        store_flags(at, more);
-        return;
+        if (part || batch.traced != 0u) store_flags(at, more);
+        return NONE;
     }
 
     vec3 plane = depth_plane(a, b, c);
@@ -86,23 +91,32 @@ void set_up(const uint at, const uint more, const Piece piece, const uint piece_
     triangles[at].vertices_flags = uvec4(slots, flags | more);
 
     uvec4 range = cells_under(level, first, last);
+    uint cell = 0u;
     for (uint row = range.y; row <= range.w; row++) {
         for (uint column = range.x; column <= range.z; column++) {
             if (!cell_lists(x, y, level, range, uvec2(column, row), batch.origin_y)) continue;
-            atomicAdd(cell_counts[batch.cell_first[level] + row * batch.cell_columns[level] + column], 1u);
+            cell = batch.cell_first[level] + row * batch.cell_columns[level] + column;
+            atomicAdd(cell_counts[cell], 1u);
         }
     }
+    return range.xy == range.zw ? cell : SEVERAL_CELLS;
 }
 
-void run(const uint primitive, const uint piece_index, const Piece piece) {
+// Remembers, for a trace, that a primitive draws nothing.
+void store_nothing(const uint primitive) {
+    if (batch.traced != 0u) store_flags(primitive, 0u);
+}
+
+// The result is the cell that lists the primitive, NONE or SEVERAL_CELLS.
+uint run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec3 slots = vertex_slots(piece, primitive - piece.first_primitive);
     uvec4 a = windows[slots.x], b = windows[slots.y], c = windows[slots.z];
 
     // Wholly outside one side of the view volume: no clipping needed to know that nothing is seen.
     uint code = a.w | b.w | c.w, count = 3u, made = 0u;
     if ((a.w & b.w & c.w & OUT_PLANES) != 0u || (code & OUT_UNUSABLE) != 0u) {
-        store_flags(primitive, 0u);
-        return;
+        store_nothing(primitive);
+        return NONE;
     }
     bool clipped = code != 0u;
     vec4 corners[CLIP_CORNERS];
@@ -115,12 +129,13 @@ void run(const uint primitive, const uint piece_index, const Piece piece) {
         bool drawable = count >= 3u;
         for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
         if (!drawable) {
-            store_flags(primitive, 0u);
-            return;
+            store_nothing(primitive);
+            return NONE;
         }
     }
     // One loop and one call for clipped and whole triangles: the code is compiled once.
     Viewport viewport = Viewport(vec3(piece.scale, piece.depth_scale), vec3(piece.offset, piece.depth_offset));
+    uint cell = NONE;
     vec3 first = uintBitsToFloat(a.xyz), previous = uintBitsToFloat(b.xyz);
     [[dont_unroll]] for (uint i = 0u; i < count; i++) {
         vec3 next = uintBitsToFloat(c.xyz);
@@ -131,10 +146,11 @@ void run(const uint primitive, const uint piece_index, const Piece piece) {
             uint part = i - 2u;
             uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
             uint more = part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u;
-            set_up(at, more, piece, piece_index, slots, first, previous, next);
+            cell = set_up(at, count > 3u, more, piece, piece_index, slots, first, previous, next);
         }
         if (clipped) previous = next;
     }
+    return count > 3u ? SEVERAL_CELLS : cell;
 }
 
 void main() {
@@ -155,6 +171,6 @@ void main() {
             piece = pieces[piece_index];
         }
         if (first + round * GROUP >= batch.primitives) break;
-        run(primitive, piece_index, piece);
+        primitive_cells[primitive] = run(primitive, piece_index, piece);
     }
 }

@@ -93,6 +93,8 @@ pub const FORMAT_RGBA16_FLOAT: u32 = 2;
 
 /// Word that stands for "none": no index buffer, no attribute.
 pub const NONE: u32 = 0xffff_ffff;
+/// Instead of the cell that lists a primitive: there are several of them, or parts that clipping made.
+pub const SEVERAL_CELLS: u32 = NONE - 1;
 
 /// Descriptor set of the engine's own buffers.
 pub const SET_ENGINE: u32 = 0;

@@ -27,6 +27,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernels: &Kernels) -> Resu
         .bind("Triangles", &b.triangles)
         .bind("CellEnds", &b.cell_ends)
         .bind("Entries", &b.entries)
+        .bind("PrimitiveCells", &b.primitive_cells)
         .table(stage.table)
         .push(&stage.push)
         .dispatch(grid::groups(stage.push.primitives, abi::GROUP * abi::PRIMITIVE_ROUNDS))

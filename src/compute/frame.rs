@@ -26,6 +26,7 @@ use crate::{
 /// | `windows` | window position and outcode of a vertex slot | vertex | primitive |
 /// | `varyings` | word of a vertex slot | vertex | shading |
 /// | `triangles` | triangle | primitive | binning, raster, shading |
+/// | `primitive_cells` | the cell that lists a primitive, or that there is none or several | primitive | scatter |
 /// | `cell_counts` | triangles of a cell | primitive | scan |
 /// | `cell_ends` | end of a cell's list | scan, scatter | raster, ordered |
 /// | `entries` | key in a cell's list | scatter, sort | raster, ordered |
@@ -40,6 +41,7 @@ pub struct Buffers {
     pub windows: Buffer<[u32; 4]>,
     pub varyings: Buffer<u32>,
     pub triangles: Buffer<Triangle>,
+    pub primitive_cells: Buffer<u32>,
     pub cell_counts: Buffer<u32>,
     pub cell_ends: Buffer<u32>,
     pub entries: Buffer<u32>,
@@ -175,6 +177,7 @@ impl Setup {
                 (capacities.varying_words as usize).next_multiple_of(4),
             )?,
             triangles: Buffer::new(gpu, "triangles", capacities.triangles() as usize, device)?,
+            primitive_cells: words_of("primitive cells", capacities.primitives as usize)?,
             cell_counts: words_of("cell counts", band.cells as usize)?,
             cell_ends: words_of("cell ends", band.cells as usize)?,
             entries: words_of("entries", capacities.entries() as usize)?,

@@ -21,6 +21,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("Windows", &b.windows)
         .bind("Triangles", &b.triangles)
         .bind("CellCounts", &b.cell_counts)
+        .bind("PrimitiveCells", &b.primitive_cells)
         .table(stage.table)
         .push(&stage.push)
         .dispatch(grid::groups(stage.push.primitives, abi::GROUP * abi::PRIMITIVE_ROUNDS))
