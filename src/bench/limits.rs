@@ -105,23 +105,25 @@ impl Least {
         let only = |bytes| Some(Self { bytes, atomics: 0 });
         match stage {
             "clear" => only(pixels * 8),
-            "vertex" => {
-                only(counts.attribute_bytes + counts.vertices * position + counts.varying_words * 4)
-            }
-            // Positions in, triangles out if all are kept; each is counted in a cell at least.
+            // Positions go out twice: in clip space and in the window.
+            "vertex" => only(
+                counts.attribute_bytes + counts.vertices * 2 * position + counts.varying_words * 4,
+            ),
+            // Positions in, triangles and their cells out if all are kept; each is counted in a cell at
+            // least.
             "primitive" => Some(Self {
                 bytes: counts.vertices * position
-                    + counts.triangles * (12 + size_of::<Triangle>() as u64),
+                    + counts.triangles * (12 + size_of::<Triangle>() as u64 + 4),
                 atomics: counts.triangles,
             }),
-            "binning_scatter" => Some(Self {
-                bytes: counts.triangles * (size_of::<Triangle>() as u64 + 4),
-                atomics: counts.triangles,
-            }),
-            // A key and a depth for each pixel.
-            "raster" => only(pixels * 8),
-            // A key in, a colour out.
-            "shade" => only(pixels * 8),
+            // A cell in, a key out, if each triangle is in one cell.
+            "binning_scatter" => {
+                Some(Self { bytes: counts.triangles * 8, atomics: counts.triangles })
+            }
+            // A depth for each pixel: what one triangle covers needs no keys.
+            "raster" => only(pixels * 4),
+            // A colour for each pixel.
+            "shade" => only(pixels * 4),
             _ => None,
         }
     }
