@@ -99,7 +99,7 @@ struct Triangle {
 struct QuadPiece {
     uvec4 numbers;  // first_in_draw, primitives_per_instance, first_primitive, fragment_resources
     uvec4 vertices; // varying_base, varying_stride, vertex_base, vertex_slots
-    uvec4 window;   // scale, offset
+    uvec4 viewport; // scale, offset
     float depth_scale, depth_offset;
     uint fragment_kernel, cull;
     uvec4 elements; // topology, first_element, index_slot, index_bytes

@@ -81,9 +81,8 @@ void fill(const Bin bin, const bool single, const uint key, const vec3 plane) {
     }
 }
 
-// Makes one triangle, which covers the bin, what all of its pixels show. Those who shade it need no
-// visibility then, but a trace does.
-void cover(const Bin bin, const uint key, const vec3 plane) {
+// Gives all pixels of the bin the depth of a triangle that covers it. Those who shade it need no visibility.
+void cover(const Bin bin, const vec3 plane) {
     ivec2 lane_pixel = ivec2(tile_pixel(gl_SubgroupInvocationID));
     [[dont_unroll]] for (int left = 0; left <= BIN_LAST.x; left += 1 << PATCH_X_LOG2) {
         int x = left + lane_pixel.x;
@@ -93,8 +92,6 @@ void cover(const Bin bin, const uint key, const vec3 plane) {
             depth[depth_place(bin, ivec2(x, y))] = depth_in_column(column, plane.z, bin.origin.y + int(batch.origin_y) + y);
         }
     }
-    if (batch.traced == 0u) return;
-    for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = key;
 }
 
 // The farthest depth that a block holds.

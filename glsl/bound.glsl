@@ -21,7 +21,7 @@ layout(scalar, set = SET_TABLE, binding = TABLE_BUFFERS) readonly buffer Words {
 // What was bound last: a piece, its part of the fields of `Piece`, and the shader's resources.
 uint bound_piece = NONE;
 uint bound_resources = NONE;
-vec2 window_inverse, window_offset; // normalized device coordinates = (window - offset) * inverse
+vec2 viewport_scale, viewport_offset; // of pixels
 uint first_in_draw, primitives_per_instance;
 uint piece_varyings, piece_vertices, varying_stride;
 
@@ -48,9 +48,9 @@ void tw_user_bind_inputs();
 void bind(const uint piece) {
     if (piece == bound_piece) return;
     bound_piece = piece;
-    vec4 window = uintBitsToFloat(of_quad(pieces[piece].window[QUAD_LANE]));
-    window_inverse = 1.0 / window.xy;
-    window_offset = window.zw;
+    vec4 viewport = uintBitsToFloat(of_quad(pieces[piece].viewport[QUAD_LANE]));
+    viewport_scale = viewport.xy;
+    viewport_offset = viewport.zw;
     uvec4 numbers = of_quad(pieces[piece].numbers[QUAD_LANE]);
     first_in_draw = numbers.x - numbers.z;
     primitives_per_instance = numbers.y;

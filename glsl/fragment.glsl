@@ -91,11 +91,11 @@ void tw_user_main() {
 // Runs the shader for `triangle`, the one that is bound, at the target's pixel `pixel`; all four lanes of
 // a quad call it together. `helper` lanes take part in derivatives only.
 void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
-    vec2 ndc = (vec2(pixel) + 0.5 - window_offset) * window_inverse;
+    vec2 ndc = (vec2(pixel) + 0.5 - viewport_offset) / viewport_scale;
     vec3 px = triangle.x - ndc.x * triangle.w, py = triangle.y - ndc.y * triangle.w;
     vec3 weights = px.yzx * py.zxy - py.yzx * px.zxy;
     float sum = weights.x + weights.y + weights.z;
-    perspective = sum != 0.0 ? weights * (1.0 / sum) : vec3(1.0, 0.0, 0.0);
+    perspective = sum != 0.0 ? weights / sum : vec3(1.0, 0.0, 0.0);
     float depth_w = dot(perspective, triangle.w);
     linear = depth_w != 0.0 ? perspective * triangle.w / depth_w : vec3(1.0, 0.0, 0.0);
 

@@ -22,6 +22,7 @@ layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 #include "fragment.glsl"
 #include "lib/cells.glsl"
 #include "lib/blend.glsl"
+#include "lib/patch.glsl"
 
 layout(constant_id = SPEC_FORMAT) const uint FORMAT = 0u;
 layout(constant_id = SPEC_DEPTH) const uint DEPTH = DEPTH_EARLY_TEST;
@@ -36,14 +37,11 @@ layout(scalar, binding = 11) writeonly buffer BinBounds { vec2 bin_bounds[]; };
 
 // Patches of a bin are as many pixels as a subgroup has lanes. A lane has a bit for each, row by row, and
 // narrow subgroups, which have more than a word has bits, take the bin in parts.
-const ivec2 BIN_LAST = ivec2((1 << BIN_SIZE_LOG2) - 1);
-const uint COLUMN_LOG2 = WIDTH > 64u ? 4u : (WIDTH >= 16u ? 3u : (WIDTH == 8u ? 2u : 1u));
-const uint ROW_LOG2 = WIDTH >= 64u ? 3u : (WIDTH == 32u ? 2u : 1u);
-const uint COLUMNS_LOG2 = BIN_SIZE_LOG2 - COLUMN_LOG2;
+const uint COLUMNS_LOG2 = BIN_SIZE_LOG2 - PATCH_X_LOG2;
 const uint PARTS = WIDTH < 8u ? 2u : 1u;
-const uint ROWS = (1u << (BIN_SIZE_LOG2 - ROW_LOG2)) / PARTS;
+const uint ROWS = (1u << (BIN_SIZE_LOG2 - PATCH_Y_LOG2)) / PARTS;
 
-// `Compare` of state.rs, by what it lets pass: 1 less, 2 equal, 4 greater.
+// `Compare` of state.rs, by what it lets pass: 1 less, 2 equal, 4 greater. Depths are never not-a-number.
 bool compare(const uint operation, const float a, const float b) {
     return (operation & ((a < b ? 1u : 0u) | (a == b ? 2u : 0u) | (a > b ? 4u : 0u))) != 0u;
 }
@@ -52,12 +50,12 @@ bool compare(const uint operation, const float a, const float b) {
 void write_color(const uint at, const bool blends, const uvec2 equations) {
     vec4 source = uintBitsToFloat(color_bits);
     if (blends) {
-        uvec2 held = FORMAT == FORMAT_RGBA16_FLOAT ? uvec2(color[2u * at], color[2u * at + 1u]) : uvec2(color[at], 0u);
         if (FORMAT != FORMAT_RGBA16_FLOAT) {
             source = saturate(source);
             // Much of the leaves, fences and glass of real scenes is nothing but transparent.
             if (source.a == 0.0 && blend_keeps(equations.x, equations.y)) return;
         }
+        uvec2 held = FORMAT == FORMAT_RGBA16_FLOAT ? uvec2(color[2u * at], color[2u * at + 1u]) : uvec2(color[at], 0u);
         source = blend(equations.x, equations.y, source, color_decode(FORMAT, held));
     }
     uvec2 words = color_encode(FORMAT, source);
@@ -92,19 +90,19 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     bool blends = state.z != 0u;
     uvec2 equations = uvec2(state.w, pieces[piece].blend_alpha);
 
-    uvec2 first_patch = uvec2(max(low, 0)) >> uvec2(COLUMN_LOG2, ROW_LOG2);
-    uvec2 last_patch = uvec2(min(high, BIN_LAST)) >> uvec2(COLUMN_LOG2, ROW_LOG2);
+    uvec2 first_patch = uvec2(max(low, 0)) >> uvec2(PATCH_X_LOG2, PATCH_Y_LOG2);
+    uvec2 last_patch = uvec2(min(high, BIN_LAST)) >> uvec2(PATCH_X_LOG2, PATCH_Y_LOG2);
     ivec2 lane_pixel = ivec2(tile_pixel(lane));
     [[dont_unroll]] for (uint part = 0u; part < PARTS; part++) {
         // One bit for each patch of the part in which this lane's pixel passes.
         uint passed = 0u, first_row = max(first_patch.y, part * ROWS), end_row = min(last_patch.y + 1u, (part + 1u) * ROWS);
         [[dont_unroll]] for (uint column = first_patch.x; column <= last_patch.x; column++) {
-            int x = int(column << COLUMN_LOG2) + lane_pixel.x;
+            int x = int(column << PATCH_X_LOG2) + lane_pixel.x;
             bool across = x >= low.x && x <= high.x;
             ivec3 at_column = edges.at + edges.dx * x;
             float z_column = depth_of_column(z_plane.x, z_plane.y, origin.x + x);
             [[dont_unroll]] for (uint row = first_row; row < end_row; row++) {
-                int y = int(row << ROW_LOG2) + lane_pixel.y;
+                int y = int(row << PATCH_Y_LOG2) + lane_pixel.y;
                 bool alive = true;
                 if (!covers) {
                     ivec3 e = at_column + edges.dy * y;
@@ -130,7 +128,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
             left &= left - 1u;
             bool alive = ((passed >> patch_at) & 1u) != 0u;
             uint column = patch_at & ((1u << COLUMNS_LOG2) - 1u), row = (patch_at >> COLUMNS_LOG2) + part * ROWS;
-            ivec2 p = ivec2(column << COLUMN_LOG2, row << ROW_LOG2) + lane_pixel;
+            ivec2 p = ivec2(column << PATCH_X_LOG2, row << PATCH_Y_LOG2) + lane_pixel;
             shade(triangle, origin + p, !alive);
             uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
             bool keep = alive && !tw_HelperInvocation;

@@ -20,7 +20,7 @@
 layout(local_size_x = GROUP) in;
 layout(scalar, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(scalar, binding = 1) readonly buffer Positions { vec4 positions[]; };
-layout(scalar, binding = 2) readonly buffer Windows { uvec4 windows[]; };
+layout(scalar, binding = 2) readonly buffer WindowPositions { uvec4 window_positions[]; };
 layout(scalar, binding = 3) writeonly buffer Triangles { QuadTriangle triangles[]; };
 layout(scalar, binding = 4) buffer CellCounts { uint cell_counts[]; };
 layout(scalar, binding = 5) writeonly buffer PrimitiveCells { uint primitive_cells[]; };
@@ -110,7 +110,7 @@ void store_nothing(const uint primitive) {
 // The result is the cell that lists the primitive, NONE or SEVERAL_CELLS.
 uint run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec3 slots = vertex_slots(piece, primitive - piece.first_primitive);
-    uvec4 a = windows[slots.x], b = windows[slots.y], c = windows[slots.z];
+    uvec4 a = window_positions[slots.x], b = window_positions[slots.y], c = window_positions[slots.z];
 
     // Wholly outside one side of the view volume: no clipping needed to know that nothing is seen.
     uint code = a.w | b.w | c.w, count = 3u, made = 0u;

@@ -4,7 +4,7 @@
 // Writes: of the bins where the batch shows something: depth and its bounds; for each fragment kernel of
 // the batch the bins where it has pixels, with the key of the triangle that covers all of the bin, or else
 // `visibility`, the key of the triangle each pixel shows, or 0. Visibility of other bins may be overwritten
-// by zeros; for a trace, that of covered bins is written too.
+// by zeros.
 // Contract: the winner of a pixel is the triangle that the depth test would leave standing had all
 // of the batch been drawn in API order; its order in the lists does not matter.
 // Kernel / Twin: src/compute/raster.rs, src/reference/raster.rs.
@@ -41,7 +41,8 @@ layout(scalar, binding = 3) readonly buffer Triangles { Triangle triangles[]; };
 layout(scalar, binding = 4) readonly buffer Pieces { Piece pieces[]; };
 #include "shade_lists.glsl"
 
-// No pixel of a bin is below the first or above the second; if they are equal, all pixels are.
+// No pixel of a bin is below the first or above the second; if they are equal, all pixels are. Kept for
+// batches of opaque work that follow.
 layout(scalar, binding = 9) buffer BinBounds { vec2 bin_bounds[]; };
 
 void main() {
@@ -72,6 +73,9 @@ void main() {
         uvec2 cell_position = position >> (CELL_LOG2[level] - BIN_SIZE_LOG2);
         uint cell = batch.cell_first[level] + cell_position.y * batch.cell_columns[level] + cell_position.x;
         uint end = cell_ends[cell];
+        // Triangles of other sizes may hide more, or be hidden.
+        pause = 1u;
+        due = max(round, 1u);
         [[dont_unroll]] for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += WIDTH) {
             uint key = entries[min(first + lane, end - 1u)];
             uint at = key_triangle(key, batch.extra_first);
@@ -112,7 +116,7 @@ void main() {
                 farthest = vec4(base_bounds.y);
             }
 
-            bool look = round++ >= due, nearer = false;
+            bool look = round++ >= due, looked = false, nearer = false;
             [[dont_unroll]] for (uint b = 0u; b < BLOCKS; b++) {
                 ivec2 block = ivec2(tile_pixel(b * BLOCK));
                 ivec3 at_block = edges.at + edges.dx * block.x + edges.dy * block.y;
@@ -122,6 +126,7 @@ void main() {
                 if (!has_lanes(lanes_where(hit))) continue;
                 if (look && (touched >> b & 1u) != 0u) {
                     float found = farthest_of(bin, b);
+                    looked = true;
                     nearer = nearer || found != farthest[b];
                     farthest[b] = found;
                     touched &= ~(1u << b);
@@ -160,7 +165,7 @@ void main() {
                     } while (left != 0u);
                 } while (has_lanes(mask));
             }
-            if (look) {
+            if (looked) {
                 pause = nearer ? 1u : 2u * pause;
                 due = round + pause - 1u;
             }
@@ -171,7 +176,8 @@ void main() {
     vec2 bounds = base_bounds;
     if (single) {
         if (base_key == 0u) return;
-        cover(bin, base_key, base);
+        cover(bin, base);
+        if (base.yz == vec2(0.0)) bounds = vec2(depth_at(base.x, 0.0, 0.0, ivec2(0)));
         shown = 1u << fragment_kernel_of(base_key);
     } else {
         if (!has_lanes(lanes_where(any != 0u))) return;
@@ -179,6 +185,6 @@ void main() {
         shown = 1u;
         if (!IN_PLACE || !inside || batch.fragment_kernels > 1u || batch.followed != 0u) finish(bin, shown, bounds);
     }
-    if (lane == 0u) bin_bounds[bin.number] = vec2(min(bounds.x, bounds.y), max(bounds.x, bounds.y));
+    if (lane == 0u && batch.followed != 0u) bin_bounds[bin.number] = vec2(min(bounds.x, bounds.y), max(bounds.x, bounds.y));
     list_for_shading(shown, uvec2(entry, single ? base_key : 0u));
 }

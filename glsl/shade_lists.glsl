@@ -37,12 +37,12 @@ void finish(const Bin bin, out uint shown, out vec2 bounds) {
     shown = subgroupOr(shown);
 }
 
-// Lists `bin` for each fragment kernel that has a bit in `kernels`; all lanes have the same arguments.
-void list_for_shading(uint kernels, const uvec2 bin) {
+// Lists a bin and what covers it for each fragment kernel that has a bit in `kernels`; all lanes have the same arguments.
+void list_for_shading(uint kernels, const uvec2 listed) {
     while (kernels != 0u) {
         uint kernel = uint(findLSB(kernels));
         kernels &= kernels - 1u;
-        if (gl_SubgroupInvocationID == 0u) shade_bins[kernel * batch.bins + atomicAdd(shade_args[kernel].x, 1u)] = bin;
+        if (gl_SubgroupInvocationID == 0u) shade_bins[kernel * batch.bins + atomicAdd(shade_args[kernel].x, 1u)] = listed;
     }
 }
 #endif

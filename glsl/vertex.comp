@@ -3,7 +3,8 @@
 // Reads: pieces, index buffers, vertex buffers and whatever the shader binds.
 // Writes: the clip-space position and the varyings of each slot; its window position and outcode.
 // Contract: slot `s` holds what the graphics pipeline's vertex stage would output for that vertex
-// and instance; the stage stores nothing else. Window positions are those of `lib/window.glsl`.
+// and instance; the stage stores nothing else. Window positions are those of
+// `lib/window.glsl`, and mean nothing where the outcode says that there is none.
 // Kernel / Twin: src/compute/vertex.rs; no twin, the shader is the user's.
 //
 // The shader is spliced into `tw_user_bind` and `tw_user_main`; the functions and globals called tw_* are
@@ -27,7 +28,7 @@ layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[
 // Pieces in the order of their vertex slots.
 layout(scalar, binding = 5) readonly buffer Runs { uint runs[]; };
 // Window position as bits, and the outcode.
-layout(scalar, binding = 6) writeonly buffer Windows { uvec4 windows[]; };
+layout(scalar, binding = 6) writeonly buffer WindowPositions { uvec4 window_positions[]; };
 
 int tw_VertexIndex, tw_InstanceIndex, tw_BaseVertex, tw_BaseInstance, tw_DrawIndex;
 vec4 tw_Position;
@@ -137,9 +138,9 @@ void bind(const uint index) {
     piece.attribute_base = stage.z;
     piece.vertex_resources = stage.w;
     piece.draw_id = pieces[index].draw_id;
-    vec4 window = uintBitsToFloat(of_quad(pieces[index].window[QUAD_LANE]));
-    viewport.scale = vec3(window.xy, pieces[index].depth_scale);
-    viewport.offset = vec3(window.zw, pieces[index].depth_offset);
+    vec4 in_pixels = uintBitsToFloat(of_quad(pieces[index].viewport[QUAD_LANE]));
+    viewport.scale = vec3(in_pixels.xy, pieces[index].depth_scale);
+    viewport.offset = vec3(in_pixels.zw, pieces[index].depth_offset);
     tw_user_bind();
 }
 
@@ -184,7 +185,7 @@ void main() {
             tw_user_main();
             positions[slot] = tw_Position;
             vec4 p = sanitized(tw_Position);
-            windows[slot] = uvec4(floatBitsToUint(window_position(viewport, p, false)), outcode(p));
+            window_positions[slot] = uvec4(floatBitsToUint(window_position(viewport, p, false)), outcode(p));
         }
     }
 }

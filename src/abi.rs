@@ -45,11 +45,12 @@ pub const QUAD: u32 = 4;
 pub const WINDOW_LOG2: u32 = 26;
 /// Bytes that such a slot shows beyond its own, so that it has all of an attribute that begins in it.
 pub const WINDOW_OVERLAP: u32 = 16;
+const _: () = assert!(WINDOW_OVERLAP == 4 * 4, "four components of four bytes at most");
 /// Invocations of a workgroup where nothing else decides.
 pub const GROUP: u32 = 64;
 /// Vertex slots of one invocation of the vertex stage, a workgroup apart.
 pub const VERTEX_ROUNDS: u32 = 8;
-/// Primitives of one invocation of the primitive stage, a workgroup apart.
+/// Primitives of one invocation of the primitive stage and of scatter, a workgroup apart.
 pub const PRIMITIVE_ROUNDS: u32 = 8;
 /// Input locations of a vertex shader.
 pub const MAX_ATTRIBUTES: u32 = 32;
@@ -159,9 +160,10 @@ pub struct Batch {
     pub fragment_kernel: u32,
     /// Fragment kernels of the batch.
     pub fragment_kernels: u32,
-    /// Not 0 where a trace wants `visibility` to be complete.
+    /// Not 0 where a trace wants to know what the product does not: which primitives draw nothing, and the
+    /// keys of ordered work.
     pub traced: u32,
-    /// Not 0 if another batch of the pass follows, which will ask for the bounds of the bins.
+    /// Not 0 if another batch of opaque work follows, which will ask for the bounds of the bins.
     pub followed: u32,
 }
 

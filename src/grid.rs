@@ -96,10 +96,17 @@ pub struct Capacities {
 impl Capacities {
     /// 262,144 primitives: triangles of 112 MiB and lists of 112 MiB if all of them were clipped into
     /// seven, which is what a storage buffer may hold on common devices; untouched memory costs nothing
-    /// where the host's is the device's; positions of 16 MiB, in clip space
-    /// and in the window, and varyings of 128 MiB at most.
+    /// where the host's is the device's; positions of 16 MiB in clip space and of 16 MiB in the window;
+    /// varyings of 16 MiB, which later stages then find near the processor: a mesh without shared
+    /// vertices took a tenth longer with 128.
     pub const DEFAULT: Self =
-        Self { primitives: 1 << 18, vertices: 1 << 20, varying_words: 1 << 25 };
+        Self { primitives: 1 << 18, vertices: 1 << 20, varying_words: 1 << 22 };
+
+    /// Words of varyings of a batch whose vertices the following ones share: to shade them once is worth
+    /// more than to have them near.
+    pub const fn shared_varying_words(&self) -> u64 {
+        8 * self.varying_words as u64
+    }
 
     /// Triangles: each primitive can be clipped into [`abi::MAX_CLIPPED`].
     pub const fn triangles(&self) -> u32 {

@@ -15,8 +15,21 @@ use tilewright::{
 #[path = "../glsl/contraction.rs"]
 mod contraction;
 
-/// Runs `body`, which turns `v`, four words of input, into `r`, four words of output, over `inputs`.
+/// Runs `body`, which turns `v`, four words of input, into `r`, four words of output, over `inputs`, one
+/// for each lane of subgroups that are workgroups.
 fn probe<I: Pod, O: Pod>(gpu: &Gpu, includes: &[&str], body: &str, inputs: &[I]) -> Vec<O> {
+    probe_as_if(gpu.limits().subgroup_size, gpu, includes, body, inputs)
+}
+
+/// [`probe`], for functions without subgroup operations, as if subgroups were `width` wide.
+fn probe_as_if<I: Pod, O: Pod>(
+    width: u32,
+    gpu: &Gpu,
+    includes: &[&str],
+    body: &str,
+    inputs: &[I],
+) -> Vec<O> {
+    let lanes = gpu.limits().subgroup_size;
     assert_eq!((size_of::<I>(), size_of::<O>()), (16, 16), "a probe moves four words");
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
     let mut source = format!(
@@ -40,7 +53,7 @@ const bool GREATER = false;\n",
         abi::FORMAT_RGBA8_UNORM,
         abi::FORMAT_RGBA16_FLOAT,
         abi::BIN_SIZE_LOG2,
-        gpu.limits().subgroup_size
+        width
     );
     for include in includes {
         let text = fs::read_to_string(folder.join(include)).expect("a file of glsl/");
@@ -48,7 +61,7 @@ const bool GREATER = false;\n",
         source.extend(text.lines().filter(|l| !l.starts_with("#include")).flat_map(|l| [l, "\n"]));
     }
     source += &format!(
-        "layout(local_size_x = 64) in;
+        "layout(local_size_x = {lanes}) in;
 layout(std430, binding = 0) readonly buffer Inputs {{ uvec4 inputs[]; }};
 layout(std430, binding = 1) writeonly buffer Outputs {{ uvec4 outputs[]; }};
 void main() {{
@@ -63,7 +76,7 @@ void main() {{
     let mut module = rspirv::dr::load_words(kernel_spirv(&source)).expect("a module");
     contraction::forbid(&mut module);
     let spirv = module.assemble();
-    let subgroup_size = Some(gpu.limits().subgroup_size);
+    let subgroup_size = Some(lanes);
     let name = "probe";
     let info = KernelInfo {
         name,
@@ -76,7 +89,7 @@ void main() {{
     let input = Buffer::upload(gpu, "inputs", inputs).expect("memory");
     let output = Buffer::<O>::new(gpu, "outputs", inputs.len(), Memory::Device).expect("memory");
     let mut recorder = Recorder::new(gpu, "probe").expect("a recorder");
-    let groups = [(inputs.len() as u32).div_ceil(64), 1, 1];
+    let groups = [(inputs.len() as u32).div_ceil(lanes), 1, 1];
     recorder
         .kernel(&kernel)
         .bind("Inputs", &input)
@@ -296,47 +309,100 @@ fn lanes_know_of_each_other() {
     });
 }
 
+/// Whether a triangle has any pixel is asked of patches of every width, with edges as far out as they get.
 #[test]
 fn patches_are_left_out_where_an_edge_has_them_outside() {
     on_each_gpu("patches", |gpu| {
         let mut random = Random::new(9);
-        // Three edges, each with its value at the first pixel and its steps; a box.
+        // Three edges, each with 16 bits of its value at the first pixel and 8 of each step; a box; and
+        // how far these are shifted to the left.
         let inputs: Vec<[u32; 4]> = (0..CASES)
             .map(|_| {
-                let edge = |random: &mut Random| {
-                    let at = (random.below(2400) as i32 - 1200) as u32 & 0xffff;
+                let far = random.below(2);
+                let mut edge = || {
+                    let most = if far == 0 { 1200 } else { 32768 };
+                    let at = (random.below(2 * most) as i32 - most as i32) as u32 & 0xffff;
                     let mut step = || (random.below(255) as i32 - 127) as u32 & 0xff;
                     at | step() << 16 | step() << 24
                 };
-                let edges = [0; 3].map(|_| edge(&mut random));
-                let (x, y) = (random.below(8), random.below(8));
-                let last = [x + random.below(8 - x), y + random.below(8 - y)];
-                let corners = x | y << 4 | last[0] << 8 | last[1] << 12;
+                let edges = [edge(), edge(), edge()];
+                let (x, y) = (random.below(16), random.below(8));
+                let last = [x + random.below(16 - x), y + random.below(8 - y)];
+                let corners = x | y << 4 | last[0] << 8 | last[1] << 12 | far << 16;
                 [edges[0], edges[1], edges[2], corners as u32]
             })
             .collect();
-        let body = "ivec3 at = ivec3(v.xyz << 16) >> 16, dx = ivec3(v.xyz << 8) >> 24, dy = ivec3(v.xyz) >> 24;
+        let body = "int far = int(v.w >> 16) & 1;
+            ivec3 at = (ivec3(v.xyz << 16) >> 16) << (15 * far);
+            ivec3 dx = (ivec3(v.xyz << 8) >> 24) << (17 * far), dy = (ivec3(v.xyz) >> 24) << (17 * far);
             ivec4 corners = ivec4(v.w, v.w >> 4, v.w >> 8, v.w >> 12) & 15;
+            if (corners.x > BLOCK_LAST.x) corners.xz -= 8;
             r.x = patches_touched(at, dx, dy, corners.xy, corners.zw);
             r.yzw = uvec3(1u << PATCH_X_LOG2, 1u << PATCH_Y_LOG2, COLUMNS);";
-        let outputs: Vec<[u32; 4]> = probe(gpu, &["lib/block.glsl"], body, &inputs);
-        for (input, [patches, width, height, columns]) in inputs.iter().zip(outputs) {
-            let corner = |n: u32| (input[3] >> (4 * n) & 15) as i32;
-            let mut expected = 0;
-            for patch in 0..64 / (width * height) {
-                let (x, y) = ((patch % columns * width) as i32, (patch / columns * height) as i32);
-                let (end_x, end_y) = (x + width as i32, y + height as i32);
-                let boxed =
-                    corner(0) < end_x && corner(2) >= x && corner(1) < end_y && corner(3) >= y;
-                let inside = input[..3].iter().all(|&edge| {
-                    let signed = |shift: u32, bits: u32| (edge << shift) as i32 >> (32 - bits);
-                    let (at, dx, dy) = (signed(16, 16), signed(8, 8), signed(0, 8));
-                    (x..end_x).any(|x| (y..end_y).any(|y| at + dx * x + dy * y >= 0))
-                });
-                expected |= u32::from(boxed && inside) << patch;
+        for lanes in [4, 8, 16, 32, 64, 128] {
+            let steps = ["lib/patch.glsl", "lib/block.glsl"];
+            let outputs: Vec<[u32; 4]> = probe_as_if(lanes, gpu, &steps, body, &inputs);
+            for (input, [patches, width, height, columns]) in inputs.iter().zip(outputs) {
+                assert_eq!(width * height, lanes);
+                let corner = |n: u32| i64::from(input[3] >> (4 * n) & 15);
+                let moved = if corner(0) > i64::from(columns * width) - 1 { 8 } else { 0 };
+                let (left, right) = (corner(0) - moved, corner(2) - moved);
+                let far = input[3] >> 16 & 1;
+                let mut expected = 0;
+                for patch in 0..lanes.max(64) / lanes {
+                    let x = i64::from(patch % columns * width);
+                    let y = i64::from(patch / columns * height);
+                    let (end_x, end_y) = (x + i64::from(width), y + i64::from(height));
+                    let boxed = left < end_x && right >= x && corner(1) < end_y && corner(3) >= y;
+                    let inside = input[..3].iter().all(|&edge| {
+                        let signed = |shift: u32, bits: u32, scale: u32| {
+                            i64::from((edge << shift) as i32 >> (32 - bits)) << (scale * far)
+                        };
+                        let (at, dx, dy) = (signed(16, 16, 15), signed(8, 8, 17), signed(0, 8, 17));
+                        (x..end_x).any(|x| (y..end_y).any(|y| at + dx * x + dy * y >= 0))
+                    });
+                    expected |= u32::from(boxed && inside) << patch;
+                }
+                assert_eq!(patches, expected, "{lanes} lanes, {input:x?}");
             }
-            assert_eq!(patches, expected, "{input:x?}");
         }
+    });
+}
+
+/// Where a fragment is said to leave the target alone, blending it would.
+#[test]
+fn transparent_fragments_leave_texels_alone() {
+    on_each_gpu("transparent fragments", |gpu| {
+        let mut random = Random::new(10);
+        // A texel, both equations, and a source of three half floats, any bits.
+        let inputs: Vec<[u32; 4]> = (0..CASES)
+            .map(|i| {
+                let mut equation = || match random.below(2) {
+                    0 => [0x16, 0x76, 0x71, 0x11][random.below(4)],
+                    _ => random.below(10) | random.below(10) << 4 | random.below(5) << 8,
+                };
+                let equations = (equation() | equation() << 12) as u32;
+                let texel = (i as u32 % 256) * 0x0101_0101;
+                [texel, equations, random.bits() as u32, random.bits() as u32]
+            })
+            .collect();
+        let body = "uint c = v.y & 0xfffu, a = v.y >> 12;
+            vec4 source = saturate(vec4(unpackHalf2x16(v.z), unpackHalf2x16(v.w).x, -0.0));
+            r = uvec4(v.x, v.x, blend_keeps(c, a) ? 1u : 0u, 0u);
+            if (r.z != 0u) {
+                vec4 unorm = blend(c, a, source, color_decode(FORMAT_RGBA8_UNORM, v.xx));
+                vec4 srgb = blend(c, a, source, color_decode(FORMAT_RGBA8_SRGB, v.xx));
+                r.x = color_encode(FORMAT_RGBA8_UNORM, unorm).x;
+                r.y = color_encode(FORMAT_RGBA8_SRGB, srgb).x;
+            }";
+        let steps = ["lib/color.glsl", "lib/blend.glsl"];
+        let outputs: Vec<[u32; 4]> = probe(gpu, &steps, body, &inputs);
+        let mut kept = 0;
+        for ([texel, equations, ..], [unorm, srgb, keeps, _]) in inputs.iter().zip(outputs) {
+            assert_eq!([unorm, srgb], [*texel; 2], "{texel:x} by {equations:x}");
+            kept += keeps;
+        }
+        assert!(kept > 1000, "{kept} cases test nothing");
     });
 }
 

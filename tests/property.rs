@@ -270,3 +270,96 @@ fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
         }
     });
 }
+
+/// What one triangle covers is shaded without asking its pixels, by the fragment kernel of that triangle
+/// and no other; bins where several show something belong to several. Rectangles of three shaders, each
+/// pixel's winner known.
+#[test]
+fn bins_are_shaded_by_the_shaders_of_what_they_show() {
+    let colors = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]];
+    let fragment = |[r, g, b, a]: [u8; 4]| {
+        let source = format!(
+            "#version 450
+            layout(location = 0) out vec4 target;
+            void main() {{ target = vec4({r}, {g}, {b}, {a}) / 255.0; }}"
+        );
+        Arc::new(Shader::from_glsl(Stage::Fragment, "flat.frag", &source).expect("a valid shader"))
+    };
+    let fragments = colors.map(fragment);
+    let base = random_pass(0, &shaders());
+    on_each_gpu("covered bins", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+        for seed in 3000..3012 {
+            let mut random = Random::new(seed);
+            let (compare, clear) = [(Compare::Less, 1.0), (Compare::Greater, 0.0)][random.below(2)];
+            let (width, height) = (64 + random.below(60), 64 + random.below(60));
+            let pipeline = |fragment: &Arc<Shader>| {
+                Arc::new(Pipeline {
+                    topology: Topology::TriangleStrip,
+                    cull: Default::default(),
+                    depth: DepthState { test: true, write: true, compare },
+                    fragment: fragment.clone(),
+                    ..(*base.pipelines[0]).clone()
+                })
+            };
+            let mut expected = vec![([0; 4], clear); width * height];
+            let mut draws = Vec::new();
+            for layer in 0..10 {
+                // Every other one covers everything.
+                let whole = layer % 2 == 0;
+                let mut span = |size: usize| {
+                    let first = if whole { 0 } else { random.below(size) };
+                    (first, if whole { size } else { first + 1 + random.below(size - first) })
+                };
+                let ((left, right), (top, bottom)) = (span(width), span(height));
+                let (kernel, z) = (random.below(3), (1 + random.below(255)) as f32 / 256.0);
+                for y in top..bottom {
+                    for x in left..right {
+                        let (color, depth) = &mut expected[y * width + x];
+                        if if compare == Compare::Less { z < *depth } else { z > *depth } {
+                            (*color, *depth) = (colors[kernel], z);
+                        }
+                    }
+                }
+                let clip = |at: usize, size: usize| at as f32 / size as f32 * 2.0 - 1.0;
+                let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
+                let corners = corners.map(|(x, y)| [clip(x, width), clip(y, height), z, 1.0]);
+                let bytes = bytemuck::cast_slice(&corners).to_vec();
+                let mut draw = Draw::new(kernel, 4);
+                draw.vertex_buffers =
+                    vec![BufferRange::whole(&Arc::new(Buffer { label: "layer".into(), bytes }))];
+                draws.push(draw);
+            }
+            let pass = Pass {
+                extent: Extent::new(width as u32, height as u32),
+                color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
+                depth: Some(DepthTarget { clear }),
+                pipelines: fragments.iter().map(pipeline).collect(),
+                draws,
+                ..base.clone()
+            };
+            for primitives in [2, 7, 1 << 17] {
+                renderer.set_batch_limit(Capacities {
+                    primitives,
+                    vertices: 4 * primitives,
+                    varying_words: 1 << 20,
+                });
+                let mut prepared = renderer.prepare(&pass).expect("a valid pass");
+                for execution in 0..2 {
+                    prepared.execute().expect("it is drawn");
+                    let frame = prepared.read().expect("it was drawn");
+                    let depths = frame.depth.expect("a depth target").depths();
+                    for (i, (color, depth)) in expected.iter().enumerate() {
+                        let (x, y) = (i % width, i / width);
+                        let found = (&frame.color.bytes[4 * i..][..4], depths[i]);
+                        assert_eq!(
+                            found,
+                            (&color[..], *depth),
+                            "seed {seed}, batches of {primitives}, execution {execution}, ({x}, {y})"
+                        );
+                    }
+                }
+            }
+        }
+    });
+}

@@ -2,15 +2,13 @@
 // What includes this defines WIDTH, the subgroup's, and GREATER, whether the greater depth is nearer.
 #ifndef BLOCK_GLSL
 #define BLOCK_GLSL
+#include "lib/patch.glsl"
 
 // A block is a quadrant of the bin, or two of them where a subgroup is wider than one. It is tested in
 // patches of as many pixels as a subgroup has lanes, numbered row by row.
 const uint BLOCK = WIDTH > 64u ? WIDTH : 64u;
 const uint BLOCKS = BIN_PIXELS / BLOCK;
 const ivec2 BLOCK_LAST = ivec2(BLOCK == 64u ? 7 : 15, 7);
-const ivec2 BIN_LAST = ivec2((1 << BIN_SIZE_LOG2) - 1);
-const uint PATCH_X_LOG2 = WIDTH > 64u ? 4u : (WIDTH >= 16u ? 3u : (WIDTH == 8u ? 2u : 1u));
-const uint PATCH_Y_LOG2 = WIDTH >= 64u ? 3u : (WIDTH == 32u ? 2u : 1u);
 const uint COLUMNS = (uint(BLOCK_LAST.x) + 1u) >> PATCH_X_LOG2;
 const uint ROWS = 8u >> PATCH_Y_LOG2;
 

@@ -11,10 +11,6 @@ float flush(const float a) {
     return (floatBitsToUint(a) & 0x7f800000u) == 0u ? 0.0 : a;
 }
 
-bool is_finite(const float a) {
-    return (floatBitsToUint(a) & 0x7f800000u) != 0x7f800000u;
-}
-
 // a / b, rounded to nearest even, for normal or zero `a` and normal `b`. Results too small for a
 // normal number are zero, too large ones infinite. The device's own division is a first guess whose
 // last bits an integer remainder corrects.

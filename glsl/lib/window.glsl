@@ -4,7 +4,8 @@
 #include "lib/clip.glsl"
 
 // What an outcode says beyond the planes of clip.glsl: a vertex at or behind the eye, which has no window
-// position, and one that no triangle can have.
+// position, and one that no triangle can have: it is not finite, or so far out that a difference of two
+// might not be.
 const uint OUT_BEHIND = 1u << CLIP_PLANES;
 const uint OUT_UNUSABLE = 2u << CLIP_PLANES;
 const uint OUT_PLANES = OUT_BEHIND - 1u;
@@ -21,13 +22,14 @@ vec4 sanitized(const vec4 p) {
 }
 
 uint outcode(const vec4 p) {
-    bool usable = is_finite(p.x) && is_finite(p.y) && is_finite(p.z) && is_finite(p.w);
+    const float far_out = 8.507059173023462e37; // 2^126
+    bool usable = all(lessThan(abs(p), vec4(far_out)));
     return clip_outcode(p) | (p.w <= 0.0 ? OUT_BEHIND : 0u) | (usable ? 0u : OUT_UNUSABLE);
 }
 
 // Clip space to window: pixels and depth, unsnapped. As rasterizers do it, the viewport transform is
-// fused for the vertices of the user and not for corners `made` by clipping. Only rounding, and
-// viewports larger than any target, get farther out than the bound.
+// fused for the vertices of the user and not for corners `made` by clipping. Of what is inside the view
+// volume, only rounding and viewports larger than any target get farther out than the bound.
 vec3 window_position(const Viewport viewport, const vec4 p, const bool made) {
     float inverse = exact_divide(1.0, p.w);
     vec3 ndc = p.xyz * inverse, scale = viewport.scale, offset = viewport.offset;

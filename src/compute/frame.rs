@@ -23,7 +23,7 @@ use crate::{
 /// | buffer | element | written by | read by |
 /// |---|---|---|---|
 /// | `positions` | clip-space position of a vertex slot | vertex | primitive, shading |
-/// | `windows` | window position and outcode of a vertex slot | vertex | primitive |
+/// | `window_positions` | window position and outcode of a vertex slot | vertex | primitive |
 /// | `varyings` | word of a vertex slot | vertex | shading |
 /// | `triangles` | triangle | primitive | binning, raster, shading |
 /// | `primitive_cells` | the cell that lists a primitive, or that there is none or several | primitive | scatter |
@@ -38,7 +38,7 @@ pub struct Buffers {
     pub runs: Buffer<u32>,
     pub resource_slots: Buffer<u32>,
     pub positions: Buffer<[f32; 4]>,
-    pub windows: Buffer<[u32; 4]>,
+    pub window_positions: Buffer<[u32; 4]>,
     pub varyings: Buffer<u32>,
     pub triangles: Buffer<Triangle>,
     pub primitive_cells: Buffer<u32>,
@@ -171,7 +171,12 @@ impl Setup {
             runs: upload(gpu, "runs", &plan.runs)?,
             resource_slots: upload(gpu, "resource slots", &plan.resource_slots)?,
             positions: Buffer::new(gpu, "positions", capacities.vertices as usize, device)?,
-            windows: Buffer::new(gpu, "window positions", capacities.vertices as usize, device)?,
+            window_positions: Buffer::new(
+                gpu,
+                "window positions",
+                capacities.vertices as usize,
+                device,
+            )?,
             varyings: words_of(
                 "varyings",
                 (capacities.varying_words as usize).next_multiple_of(4),
@@ -317,7 +322,7 @@ impl Setup {
             width: self.gpu.limits().subgroup_size,
             push: Batch {
                 traced: traced.into(),
-                followed: (number + 1 < self.kernels.raster.len()).into(),
+                followed: self.kernels.raster[number + 1..].iter().any(Option::is_some).into(),
                 ..self.push(band, batch)
             },
         };

@@ -32,12 +32,11 @@ mod vertex;
 pub use frame::Prepared;
 
 use crate::{
-    abi,
     error::Result,
     format::Format,
     grid::Capacities,
     pass::{Executor, Frame, Pass},
-    plan::{IndexRanges, KernelKey, Plan},
+    plan::{IndexRanges, KernelKey, Plan, depth_mode},
     shader::{Shader, Stage},
     trace::Trace,
     vk::{Gpu, Resources},
@@ -108,7 +107,7 @@ impl Renderer {
             Stage::Vertex => self.kernels.make(&[Wanted::Vertex(key)]),
             Stage::Fragment => {
                 let format = kernels::color_format(Format::Rgba8Srgb);
-                let ordered = Wanted::Ordered(key.clone(), format, abi::DEPTH_EARLY_TEST);
+                let ordered = Wanted::Ordered(key.clone(), format, depth_mode(&shader.reflection));
                 self.kernels.make(&[Wanted::Shade(key, format), ordered])
             }
         }

@@ -2,7 +2,7 @@
 //! bin.
 //!
 //! Reads: bins, sorted lists, triangles, positions, varyings, the resource table.
-//! Writes: colour, depth, visibility. Contract and kernel: `glsl/ordered.comp`.
+//! Writes: colour, depth; visibility for a trace. Contract and kernel: `glsl/ordered.comp`.
 
 use super::frame::Stage;
 use crate::{

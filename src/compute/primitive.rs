@@ -1,6 +1,6 @@
 //! Records the primitive stage.
 //!
-//! Reads: pieces, index buffers, windows, positions. Writes: triangles, counts of the cells.
+//! Reads: pieces, index buffers, window positions, positions. Writes: triangles, counts of the cells.
 //! Contract and kernel: `glsl/primitive.comp`.
 
 use super::frame::Stage;
@@ -18,7 +18,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .kernel(kernel)
         .bind("Pieces", stage.pieces)
         .bind("Positions", &b.positions)
-        .bind("Windows", &b.windows)
+        .bind("WindowPositions", &b.window_positions)
         .bind("Triangles", &b.triangles)
         .bind("CellCounts", &b.cell_counts)
         .bind("PrimitiveCells", &b.primitive_cells)

@@ -1,6 +1,7 @@
 //! Records raster and z-test of opaque work: a workgroup for each non-empty bin.
 //!
-//! Reads: bins, lists, triangles. Writes: visibility, depth, the bins of each fragment kernel.
+//! Reads: bins, lists, triangles. Writes: visibility, depth, the bins of each fragment kernel and what
+//! covers them.
 //! Contract and kernel: `glsl/raster.comp`.
 
 use super::frame::Stage;

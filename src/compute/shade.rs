@@ -1,6 +1,6 @@
 //! Records shading of opaque work: a dispatch for each fragment kernel over the bins it is seen in.
 //!
-//! Reads: visibility, triangles, positions, varyings, the resource table. Writes: colour.
+//! Reads: the bins and what covers them, visibility, triangles, positions, varyings, the resource table. Writes: colour.
 //! Contract and kernel: `glsl/shade.comp`.
 
 use super::frame::Stage;

@@ -18,7 +18,8 @@ pub struct Target {
     pub color: Buffer<u32>,
     /// Depth of pixels.
     pub depth: Buffer<f32>,
-    /// The least and the greatest depth that a bin may hold.
+    /// The least and the greatest depth that a bin may hold, as the batches of opaque work that follow
+    /// ask for them.
     pub bin_bounds: Buffer<[f32; 2]>,
     /// What the host reads; the same memory where it sees the device's.
     pub host_color: Buffer<u32>,

@@ -6,7 +6,7 @@ use crate::{
     error::Result,
     grid::Grid,
     pass::{Buffer, Frame},
-    plan::Plan,
+    plan::{Method, Plan},
     trace::{BatchTrace, Parts, Trace},
     vk::Recorder,
 };
@@ -43,8 +43,16 @@ impl Setup {
                 let ends = recorder.download(&buffers.cell_ends)?;
                 let entries = recorder.download(&buffers.entries)?;
                 let visibility = recorder.download(&buffers.visibility)?;
+                let shade_args = recorder.download(&buffers.shade_args)?;
+                let shade_bins = recorder.download(&buffers.shade_bins)?;
                 let depth = recorder.download(&target.depth)?;
                 recorder.submit()?;
+                let mut visibility = visibility.read()?;
+                if let Method::Opaque(_) = batch.method {
+                    let args = shade_args.read()?;
+                    let args = &args[..batch.fragment_kernels.len()];
+                    show_covered(&mut visibility, band, args, &shade_bins.read()?);
+                }
                 let first = batch.piece_first as usize;
                 let last = first + batch.piece_count as usize;
                 trace.batches.push(BatchTrace {
@@ -56,7 +64,7 @@ impl Setup {
                     positions: positions.read()?[..batch.vertices as usize].to_vec(),
                     triangles: parts(&triangles.read()?, batch.primitives, self.extra_first()),
                     cells: lists(&ends.read()?[..band.cells as usize], &entries.read()?),
-                    visibility: rows(band, visibility.read()?.as_flattened()),
+                    visibility: rows(band, visibility.as_flattened()),
                     depth_before: depth_before.read()?,
                     depth: depth.read()?,
                 });
@@ -82,6 +90,22 @@ fn parts(triangles: &[Triangle], primitives: u32, extra_first: u32) -> Vec<Parts
             std::iter::once(&first).chain(more).map(plain).collect()
         })
         .collect()
+}
+
+/// Makes what covers whole bins visible in them: shading finds that in its lists of bins.
+fn show_covered(
+    visibility: &mut [[u32; 4]],
+    band: &Grid,
+    shade_args: &[[u32; 3]],
+    shade_bins: &[[u32; 2]],
+) {
+    let quads = (abi::BIN_PIXELS / 4) as usize;
+    for (list, [bins, ..]) in shade_bins.chunks(band.bins() as usize).zip(shade_args) {
+        for &[bin, key] in list[..*bins as usize].iter().filter(|[_, key]| *key != 0) {
+            let number = ((bin >> 16) * band.bins_x + (bin & 0xffff)) as usize;
+            visibility[number * quads..][..quads].fill([key; 4]);
+        }
+    }
 }
 
 /// The list of each cell, sorted.

@@ -1,7 +1,7 @@
 //! Records the vertex stage: a dispatch for each vertex kernel of the batch.
 //!
 //! Reads: pieces, runs, attributes, resource slots, the resource table.
-//! Writes: positions, windows, varyings. Contract and kernel: `glsl/vertex.comp`.
+//! Writes: positions, window positions, varyings. Contract and kernel: `glsl/vertex.comp`.
 
 use super::frame::Stage;
 use crate::{
@@ -39,7 +39,7 @@ pub fn record(
                 .kernel(&kernels[work.kernel])
                 .bind("Pieces", stage.pieces)
                 .bind("Positions", &b.positions)
-                .bind("Windows", &b.windows)
+                .bind("WindowPositions", &b.window_positions)
                 .bind("Varyings", &varyings)
                 .bind("Attributes", &b.attributes)
                 .bind("ResourceSlots", &b.resource_slots)

@@ -36,6 +36,10 @@ impl Planner<'_> {
         self.in_table += 1;
         let Some(template) = template else { return Ok(()) };
         let shared = self.shared(draw, &pipeline, template, total, ways)?;
+        let most_words = match shared {
+            Some(_) => self.limit.shared_varying_words(),
+            None => u64::from(self.limit.varying_words),
+        };
         let mut next = 0;
         while next < total {
             let limit = self.limit;
@@ -55,7 +59,7 @@ impl Planner<'_> {
                 let words = u64::from(slots) * u64::from(ways.varying_stride);
                 let open = self.batch(ways);
                 let fits = u64::from(open.vertices) + u64::from(slots) <= u64::from(limit.vertices)
-                    && u64::from(open.varying_words) + words <= u64::from(limit.varying_words);
+                    && u64::from(open.varying_words) + words <= most_words;
                 if fits {
                     break (piece, Some(slots));
                 }
@@ -114,7 +118,7 @@ impl Planner<'_> {
         }
         let (piece, slots) = self.piece(draw, pipeline, template, 0..total)?;
         let words = u64::from(slots) * u64::from(ways.varying_stride);
-        let fits = slots <= limit.vertices && words <= u64::from(limit.varying_words);
+        let fits = slots <= limit.vertices && words <= limit.shared_varying_words();
         if piece.vertex_mode != abi::VERTEX_RANGED || !fits {
             return Ok(None);
         }

@@ -26,7 +26,7 @@ use crate::{
     error::{Error, Result},
     grid::Capacities,
     pass::{Binding, Buffer, Pass, Pipeline, StepRate, VertexAttribute},
-    shader::Shader,
+    shader::{Reflection, Shader},
     state::Compare,
 };
 use std::{collections::HashMap, sync::Arc};
@@ -388,16 +388,24 @@ fn method(pipeline: &Pipeline, has_depth: bool, kernel: usize) -> Method {
         Compare::Less | Compare::LessOrEqual | Compare::Greater | Compare::GreaterOrEqual
     );
     let tested = has_depth && pipeline.depth.test && pipeline.depth.write && keyed;
-    let pure = !fragment.discards && !fragment.writes_depth && !fragment.has_side_effects;
-    if tested && pure && pipeline.blend.is_none() {
+    if tested && is_pure(fragment) && pipeline.blend.is_none() {
         return Method::Opaque(pipeline.depth.compare);
     }
-    let depth = if fragment.early_fragment_tests || pure {
+    Method::Ordered { kernel, depth: depth_mode(fragment) }
+}
+
+/// Whether all that a fragment shader does is to return a colour.
+fn is_pure(fragment: &Reflection) -> bool {
+    !fragment.discards && !fragment.writes_depth && !fragment.has_side_effects
+}
+
+/// When ordered work tests depth: one of `abi::DEPTH_*`.
+pub(crate) fn depth_mode(fragment: &Reflection) -> u32 {
+    if fragment.early_fragment_tests || is_pure(fragment) {
         abi::DEPTH_EARLY
     } else if fragment.writes_depth || fragment.has_side_effects {
         abi::DEPTH_LATE
     } else {
         abi::DEPTH_EARLY_TEST
-    };
-    Method::Ordered { kernel, depth }
+    }
 }

@@ -30,7 +30,9 @@ fn primitive_parts(input: &Input, primitive: u32) -> Parts {
     let piece = &input.pieces[at];
     let slots = vertex_slots(input, piece, primitive - piece.first_primitive);
     let corners = slots.map(|slot| input.positions[slot as usize].map(flush));
-    if corners.iter().flatten().any(|c| !c.is_finite()) {
+    // Not finite, or so far out that a difference of two might not be.
+    let usable = |c: &f32| c.abs() < 2f32.powi(126);
+    if !corners.iter().flatten().all(usable) {
         return vec![None];
     }
     let hidden = (0..PLANES).any(|p| corners.iter().all(|&c| distance(p, c) < 0.0));
