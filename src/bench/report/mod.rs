@@ -68,7 +68,7 @@ fn summary(html: &mut Html, document: &Value, rows: &[Value]) {
 
 fn results(html: &mut Html, rows: &[Value]) {
     html.section("Results", "Whole frames, in milliseconds. The bar is the ratio on a logarithmic scale: right of the middle compute is faster, left of it classic is.");
-    html.line("<table><tr><th class=l>scene<th>triangles<th>compute ms<th>classic ms<th>ratio<th>95 % interval<th class=c>&frac18; &middot; 1 &middot; 8<th class=l>verdict");
+    html.line("<table><tr><th class=l>scene<th>triangles<th>compute ms<th>classic ms<th>ratio<th>95 % interval<th class=c>1/16 &middot; 1 &middot; 16<th class=l>verdict");
     for row in rows {
         html.line(&format!(
             "<tr><td class=l>{}<td>{}<td>{}<td>{}<td><b>{}</b><td>{}<td>{}<td class='l verdict {}'>{}",

@@ -16,11 +16,11 @@ fn color(number: usize) -> &'static str {
     COLORS[number % COLORS.len()]
 }
 
-/// The bar of a ratio: from 1 in the middle to 8 at the right and an eighth at the left.
+/// The bar of a ratio: from 1 in the middle to 16 at the right and a sixteenth at the left.
 pub fn ratio_bar(ratio: Option<f64>, class: &str) -> String {
     let (width, height) = (160.0, 14.0);
     let middle = width / 2.0;
-    let reach = ratio.map_or(0.0, |ratio| (ratio.log2() / 3.0).clamp(-1.0, 1.0) * middle);
+    let reach = ratio.map_or(0.0, |ratio| (ratio.log2() / 4.0).clamp(-1.0, 1.0) * middle);
     let (x, length) = if reach < 0.0 { (middle + reach, -reach) } else { (middle, reach) };
     format!(
         "<svg width={width} height={height} viewBox='0 0 {width} {height}'>\
