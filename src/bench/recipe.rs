@@ -245,8 +245,14 @@ pub enum Axis {
 impl Axis {
     /// All of them, with what their values are.
     pub const ALL: [(Axis, &'static str); 12] = [
-        (Axis::Area, "pixels that a triangle covers, 0.25 or more, or full; of `sheet`"),
-        (Axis::Count, "triangles, up to 4194304; of a ball (small-1m), up to 67108864"),
+        (
+            Axis::Area,
+            "pixels that a triangle covers, 0.25 or more, or full; of `sheet`, which covers less of\n                  the picture where all of it would take more than 4194304 triangles",
+        ),
+        (
+            Axis::Count,
+            "triangles, up to 4194304; of a ball (small-1m), up to 67108864; of `sheet` in whole layers,\n                  as many as it takes if area is given too",
+        ),
         (Axis::Depth, "layers, up to 1024; of `sheet`"),
         (Axis::Order, "near, far or random: what is drawn first"),
         (Axis::Size, "WxH, as --size"),

@@ -140,7 +140,8 @@ pub struct ParityArgs {
 pub struct BenchArgs {
     #[command(subcommand)]
     pub verb: Option<BenchVerb>,
-    /// Named scenes (--list), .gltf, .glb and .obj files, `builtin:NAME` [default: all named scenes]
+    /// Named scenes (--list), .gltf, .glb and .obj files, `builtin:NAME` [default: all named scenes
+    /// but `sheet`, which is what axes vary: with --axis, that one]
     #[arg(value_name = "SCENE")]
     pub scenes: Vec<String>,
     /// Pixels across and down; can be given several times [default: 1920x1080]

@@ -110,7 +110,7 @@ fn stages(html: &mut Html, rows: &[Value]) {
 }
 
 fn crossover(html: &mut Html, rows: &[Value]) {
-    html.section("Crossover", "Where compute and classic change places, by the area of a triangle and the number of layers. From rows that vary the axis area.");
+    html.section("Crossover", "Where compute and classic change places, by the area of a triangle and the number of layers. From rows that vary the axis area. Where the whole picture would take more than four million triangles, the layers cover less of it.");
     let plots = plot::crossovers(rows);
     if plots.is_empty() {
         html.line("<p>No row of this run varies the area: <code>tilewright bench --report</code> without scenes does, as does <code>--axis area=…</code></p>");
@@ -143,7 +143,7 @@ fn limits(html: &mut Html, document: &Value, rows: &[Value]) {
     let rates = &document["environment"]["rates"];
     let copy = rates["copy_bytes_per_second"].as_f64();
     let atomics = rates["atomics_per_second"].as_f64();
-    html.section("Limits", "How close each stage comes to what the device could do at best: the time in which its least work could be copied and counted, as part of the time that it takes. Least work is what goes in and out by the stage's contract. Stages whose work depends on what is seen are not counted.");
+    html.section("Limits", "How close each stage comes to what the device could do at best: the time in which its least work could be copied and counted, as part of the time that it takes. Least work is what goes in and out by the stage's contract. Stages whose work depends on what is seen are not counted. More than 100 % is work that stayed in caches, which copies do not.");
     html.line(&format!(
         "<p>Measured here: copying {} GB a second, reads and writes together; {} million scattered atomic additions a second.</p>",
         copy.map_or("-".into(), |rate| format!("{:.1}", rate / 1e9)),
