@@ -6,7 +6,8 @@
 // once, in no order.
 // Kernel / Twin: src/compute/binning.rs, src/reference/binning.rs.
 //
-// An invocation takes PRIMITIVE_ROUNDS primitives, one after the other: to begin one costs CPUs as much.
+// An invocation takes PRIMITIVE_ROUNDS primitives, one after the other: to begin one is dear on
+// CPUs, which divide for its number.
 #version 460
 #include "pieces.glsl"
 #include "lib/cells.glsl"
@@ -18,7 +19,8 @@ layout(scalar, binding = 2) buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 3) writeonly buffer Entries { uint entries[]; };
 layout(scalar, binding = 4) readonly buffer PrimitiveCells { uint primitive_cells[]; };
 
-void scatter(const uint key, const uint at) {
+void scatter(const uint key) {
+    uint at = key_triangle(key, batch.extra_first);
     uint flags = triangles[at].flags;
     if ((flags & TRIANGLE_VALID) == 0u) return;
     uint level = (flags >> TRIANGLE_LEVEL_SHIFT) & 3u;
@@ -43,9 +45,6 @@ void main() {
         if (cell < SEVERAL_CELLS) entries[atomicAdd(cell_ends[cell], 1u)] = key_of(primitive, 0u);
         if (cell != SEVERAL_CELLS) continue;
         uint parts = 1u + (triangles[primitive].flags >> TRIANGLE_EXTRA_SHIFT);
-        for (uint part = 0u; part < parts; part++) {
-            uint key = key_of(primitive, part);
-            scatter(key, key_triangle(key, batch.extra_first));
-        }
+        for (uint part = 0u; part < parts; part++) scatter(key_of(primitive, part));
     }
 }

@@ -18,17 +18,12 @@ uint divide(const uint a, const uint b) {
     return quotient;
 }
 
-// The word that holds byte `byte` of the index buffer whose first slot is `slot`.
-uint fetch_word(const uint slot, const uint byte) {
-    uint window = byte >> WINDOW_LOG2, word = (byte & ((1u << WINDOW_LOG2) - 1u)) >> 2;
-    return table[nonuniformEXT(slot + window)].words[word];
-}
-
 // The vertex number of the draw's element `element`, before the base vertex is added.
 uint fetch_index(const Piece piece, const uint element) {
     uint e = piece.first_element + element;
     if (piece.index_slot == NONE) return e;
-    uint word = fetch_word(piece.index_slot, e * piece.index_bytes);
+    uint byte = e * piece.index_bytes, slot = piece.index_slot + (byte >> WINDOW_LOG2);
+    uint word = table[nonuniformEXT(slot)].words[(byte & ((1u << WINDOW_LOG2) - 1u)) >> 2];
     if (piece.index_bytes == 4u) return word;
     return (e & 1u) != 0u ? word >> 16 : word & 0xffffu;
 }

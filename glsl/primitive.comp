@@ -137,18 +137,18 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
     Viewport viewport = Viewport(vec3(piece.scale, piece.depth_scale), vec3(piece.offset, piece.depth_offset));
     uint cell = NONE;
     vec3 first = uintBitsToFloat(a.xyz), previous = uintBitsToFloat(b.xyz);
-    [[dont_unroll]] for (uint i = 0u; i < count; i++) {
+    [[dont_unroll]] for (uint i = clipped ? 0u : 2u; i < count; i++) {
         vec3 next = uintBitsToFloat(c.xyz);
         // An index that is not constant costs CPUs a hundred instructions, unless nobody gets here.
         [[dont_flatten]] if (clipped) next = window_position(viewport, corners[i], ((made >> i) & 1u) != 0u);
-        if (i == 0u && clipped) first = next;
+        if (i == 0u) first = next;
         if (i >= 2u) {
             uint part = i - 2u;
             uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
             uint more = part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u;
             cell = set_up(at, count > 3u, more, piece, piece_index, slots, first, previous, next);
         }
-        if (clipped) previous = next;
+        previous = next;
     }
     return count > 3u ? SEVERAL_CELLS : cell;
 }
