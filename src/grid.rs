@@ -102,6 +102,23 @@ impl Capacities {
     pub const DEFAULT: Self =
         Self { primitives: 1 << 18, vertices: 1 << 20, varying_words: 1 << 22 };
 
+    /// The least that a batch may hold: one primitive.
+    pub const LEAST: Self = Self { primitives: 1, vertices: 4, varying_words: 0 };
+
+    /// The most that a batch may hold: every number in it, keys of primitives and entries of lists in the
+    /// worst case, has room in 32 bits.
+    pub const MOST: Self = Self { primitives: 1 << 25, vertices: 1 << 28, varying_words: 1 << 28 };
+
+    /// The nearest to this from [`Capacities::LEAST`] to [`Capacities::MOST`].
+    pub fn clamped(self) -> Self {
+        let (least, most) = (Self::LEAST, Self::MOST);
+        Self {
+            primitives: self.primitives.clamp(least.primitives, most.primitives),
+            vertices: self.vertices.clamp(least.vertices, most.vertices),
+            varying_words: self.varying_words.clamp(least.varying_words, most.varying_words),
+        }
+    }
+
     /// Words of varyings of a batch whose vertices the following ones share: to shade them once is worth
     /// more than to have them near.
     pub const fn shared_varying_words(&self) -> u64 {

@@ -123,7 +123,7 @@ pub fn texel_rgba8(format: Format, linear: [f32; 4]) -> Option<[u8; 4]> {
             let [r, g, b, a] = linear.map(|c| if c > 0.0 { c.min(1.0) } else { 0.0 });
             Some([kernel_srgb(r), kernel_srgb(g), kernel_srgb(b), a].map(to_unorm8))
         }
-        _ => None,
+        Format::Rgba16Float | Format::D32Float => None,
     }
 }
 

@@ -4,6 +4,7 @@ mod bench;
 mod classic;
 mod cli;
 mod common;
+mod extremes;
 mod kernels;
 mod large;
 mod parity;

@@ -270,3 +270,69 @@ fn viewports_and_scissors() {
         p.draw.scissor = Some(Rect { x: u32::MAX, y: 0, width: 1, height: 1 });
     });
 }
+
+/// A verdict that is remembered must not stand for another draw: each is spoilt behind one that is good.
+#[test]
+fn what_was_found_good_before_excuses_no_other_draw() {
+    let refused = |words: &[&str], spoil: &dyn Fn(&mut Pass, &mut Draw)| {
+        let mut pass = Parts::new().assemble();
+        let mut draw = pass.draws[0].clone();
+        spoil(&mut pass, &mut draw);
+        pass.draws.push(draw);
+        let text = pass.validate().expect_err("a fault is refused").to_string();
+        for word in words.iter().chain(&["draw 1"]) {
+            assert!(text.contains(word), "`{word}` is not in: {text}");
+        }
+    };
+    refused(&["set 1 binding 0", "not bound"], &|_, draw| draw.sets.truncate(1));
+    refused(&["set 0 binding 2", "not bound"], &|_, draw| draw.sets.clear());
+    refused(&["set 0 binding 2", "not bound"], &|_, draw| draw.sets.swap(0, 1));
+    refused(&["set 0 binding 2", "not bound"], &|_, draw| draw.sets[0] = draw.sets[1].clone());
+    refused(&["push"], &|_, draw| draw.push_constants.clear());
+    refused(&["0 vertex buffers"], &|_, draw| draw.vertex_buffers.clear());
+    refused(&["vertex 9"], &|_, draw| draw.count = 4);
+    refused(&["set 3 binding 0", "not bound"], &|pass, draw| {
+        let mut other = (*pass.pipelines[0]).clone();
+        let body = "layout(location = 0) in vec2 uv;
+layout(set = 3, binding = 0) uniform Block { vec4 factor; };
+layout(location = 0) out vec4 color;
+void main() { color = factor * uv.x; }";
+        other.fragment = shader(Stage::Fragment, "other.frag", body);
+        draw.pipeline = pass.pipelines.len();
+        pass.pipelines.push(Arc::new(other));
+    });
+    // The same texture in a draw that is good does not excuse one whose set holds a bad one.
+    refused(&["set 0 binding 2", "stones", "depth"], &|_, draw| {
+        let mut set = (*draw.sets[0]).clone();
+        let Binding::Sampled(texture, sampler) = &set.entries[0].resources[0] else { panic!() };
+        let bad = Texture { format: Format::D32Float, ..(**texture).clone() };
+        set.entries[0].resources[1] = Binding::Sampled(Arc::new(bad), *sampler);
+        draw.sets[0] = Arc::new(set);
+    });
+}
+
+#[test]
+fn vertices_instances_and_primitives_have_numbers_of_32_bits() {
+    let taken = |first, count, first_instance, instances| {
+        let mut parts = Parts::new();
+        // Every vertex and instance reads the same bytes.
+        parts.pipeline.vertex_bindings[0].stride = 0;
+        parts.draw.indices = None;
+        (parts.draw.first, parts.draw.count) = (first, count);
+        (parts.draw.first_instance, parts.draw.instances) = (first_instance, instances);
+        parts.assemble().validate().map_err(|e| e.to_string())
+    };
+    taken(u32::MAX - 2, 3, 0, 1).unwrap();
+    taken(0, 3, u32::MAX, 1).unwrap();
+    taken(0, u32::MAX, 0, 3).unwrap();
+    // What draws nothing reads nothing.
+    taken(u32::MAX, u32::MAX, u32::MAX, 0).unwrap();
+    taken(u32::MAX, 0, u32::MAX, u32::MAX).unwrap();
+    let refused = |found: Result<(), String>, word: &str| {
+        let text = found.unwrap_err();
+        assert!(text.contains(word), "`{word}` is not in: {text}");
+    };
+    refused(taken(u32::MAX - 1, 3, 0, 1), "vertices 4294967294 to 4294967296");
+    refused(taken(0, 3, u32::MAX, 2), "instances 4294967295 to 4294967296");
+    refused(taken(0, u32::MAX, 0, 4), "1431655765 primitives in each of 4 instances");
+}

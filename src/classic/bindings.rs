@@ -13,7 +13,9 @@ use std::{collections::HashMap, sync::Arc};
 /// The descriptor sets of one recording.
 #[derive(Default)]
 pub(super) struct Bindings {
-    sets: HashMap<(*const BindingSet, vk::DescriptorSetLayout), vk::DescriptorSet>,
+    /// By binding set, pipeline and number of the set. Not by layout: what is written depends on the
+    /// pipeline's shaders too, and a driver may give equal layouts one handle.
+    sets: HashMap<(*const BindingSet, *const Compiled, usize), vk::DescriptorSet>,
     /// Storage blocks that shaders write: what is written is not visible outside the pass, so each
     /// execution starts with a copy.
     copies: HashMap<*const pass::Buffer, Buffer<u8>>,
@@ -68,7 +70,7 @@ impl Bindings {
         let mut sets = Vec::with_capacity(compiled.layout.sets.len());
         for (n, &layout) in compiled.layout.sets.iter().enumerate() {
             let set = draw.sets.get(n).unwrap_or(&empty);
-            let key = (Arc::as_ptr(set), layout);
+            let key = (Arc::as_ptr(set), std::ptr::from_ref(compiled), n);
             let found = match self.sets.get(&key) {
                 Some(&found) => found,
                 None => {

@@ -25,7 +25,7 @@ impl Layout {
     pub fn new(gpu: &Gpu, label: &str, resources: &[Resource], push_bytes: u32) -> Result<Self> {
         let device = &gpu.0.device;
         let limits = gpu.0.draw_limits;
-        let sets = resources.iter().map(|r| r.set + 1).max().unwrap_or(0);
+        let sets = resources.iter().map(|r| r.set.saturating_add(1)).max().unwrap_or(0);
         let push_constant_bytes = push_bytes.next_multiple_of(4);
         let refuse = |what: String| {
             Err(Error::Device(format!(
@@ -47,10 +47,16 @@ impl Layout {
             (&[ResourceKind::Sampled, ResourceKind::Sampler], limits.samplers, "samplers"),
         ] {
             let bound = resources.iter().filter(|r| kinds.contains(&r.kind));
-            let count: u32 = bound.map(|r| r.count).sum();
-            if count > most {
+            let count: u64 = bound.map(|r| u64::from(r.count)).sum();
+            if count > most.into() {
                 return refuse(format!("binds {count} {what}, beyond the {most}"));
             }
+        }
+        let is_too_long =
+            |r: &&Resource| r.kind == ResourceKind::Uniform && r.bytes > limits.uniform_bytes;
+        if let Some(block) = resources.iter().find(is_too_long) {
+            let (bytes, most) = (block.bytes, limits.uniform_bytes);
+            return refuse(format!("has a uniform block of {bytes} bytes, beyond the {most}"));
         }
         // From here on what exists is destroyed if anything fails.
         let mut layout = Self {

@@ -5,7 +5,7 @@ use crate::{
     error::{Error, Result},
     format::{Component, Format, VertexFormat},
     pass::{Pass, Pipeline, StepRate, VertexAttribute},
-    shader::{Resource, Shader},
+    shader::{Resource, Shader, Varying},
     state::{BlendEquation, BlendFactor, BlendOp, Compare, Cull, FrontFace, Topology},
     vk::{Gpu, missing_feature, vk_format},
 };
@@ -43,11 +43,14 @@ pub(super) struct Compiled {
     pub raw: vk::Pipeline,
     pub layout: Layout,
     pub resources: Vec<Resource>,
+    /// Vertex buffers that it reads; a draw may bring more.
+    pub vertex_bindings: usize,
 }
 
 impl Compiled {
     pub fn new(gpu: &Gpu, pipeline: &Pipeline, variant: &Variant) -> Result<Self> {
         let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
+        check_limits(gpu, pipeline)?;
         let push =
             vertex.reflection.push_constant_bytes.max(fragment.reflection.push_constant_bytes);
         let layout = Layout::new(gpu, &pipeline.label, &variant.resources, push)?;
@@ -58,6 +61,7 @@ impl Compiled {
             raw: vk::Pipeline::null(),
             layout,
             resources: variant.resources.clone(),
+            vertex_bindings: pipeline.vertex_bindings.len(),
         };
         compiled.raw = create(gpu, pipeline, variant, &modules, compiled.layout.raw)?;
         gpu.0.set_name(compiled.raw, &pipeline.label);
@@ -70,6 +74,31 @@ impl Drop for Compiled {
         // SAFETY: recordings that use the pipeline hold it until their fence.
         unsafe { self.gpu.0.device.destroy_pipeline(self.raw, None) };
     }
+}
+
+/// What the device's own pipeline takes between vertex buffers, stages and targets. Vulkan promises less
+/// than compute has.
+fn check_limits(gpu: &Gpu, pipeline: &Pipeline) -> Result<()> {
+    let limits = gpu.0.draw_limits;
+    let (vertex, fragment) = (&pipeline.vertex.reflection, &pipeline.fragment.reflection);
+    let locations = |all: &[Varying]| all.iter().map(|v| v.location + 1).max().unwrap_or(0);
+    for (used, most, what) in [
+        (pipeline.vertex_bindings.len() as u32, limits.vertex_bindings, "vertex buffers"),
+        (locations(&vertex.inputs), limits.vertex_attributes, "locations of vertex attributes"),
+        (locations(&vertex.outputs), limits.vertex_outputs, "locations of vertex outputs"),
+        (locations(&fragment.inputs), limits.fragment_inputs, "locations of fragment inputs"),
+        (locations(&fragment.outputs), limits.fragment_outputs, "locations of fragment outputs"),
+    ] {
+        if used > most {
+            return Err(Error::Device(format!(
+                "pipeline `{}` has {used} {what}, beyond the {most} of {}; the compute executor has \
+                 no such limit",
+                pipeline.label,
+                gpu.info().name
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The shader modules of both stages, which a pipeline needs only while it is created.

@@ -89,7 +89,9 @@ impl Target {
     fn attachment_layout(&self) -> vk::ImageLayout {
         match self.image.format() {
             Format::D32Float => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
-            _ => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+            Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
+                vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL
+            }
         }
     }
 
@@ -158,6 +160,11 @@ fn record_draws(
     }
     let mut bound = None;
     for draw in &pass.draws {
+        // What makes no primitive draws nothing, but some drivers walk through all its vertices.
+        let topology = pass.pipelines[draw.pipeline].topology;
+        if topology.primitives(draw.count) == 0 || draw.instances == 0 {
+            continue;
+        }
         let compiled = &compiled[draw.pipeline];
         let sets = bindings.sets(gpu, resources, &mut recorder.commands, draw, compiled)?;
         if bound != Some(draw.pipeline) {
@@ -201,7 +208,7 @@ fn record_draw(
         extent: vk::Extent2D { width, height },
     }];
     let (mut buffers, mut offsets, mut sizes) = (Vec::new(), Vec::new(), Vec::new());
-    for range in &draw.vertex_buffers {
+    for range in &draw.vertex_buffers[..compiled.vertex_bindings] {
         let buffer = resources.buffer(&range.buffer)?;
         // The padding at a buffer's end is part of the range, for elements that are read wider than
         // they are.
@@ -211,7 +218,8 @@ fn record_draw(
             range.bytes as u64
         };
         buffers.push(buffer.raw().handle);
-        offsets.push(range.offset as u64);
+        // An empty range may begin at the buffer's end, where Vulkan lets none begin.
+        offsets.push(if range.bytes == 0 { 0 } else { range.offset as u64 });
         sizes.push(bytes);
         recorder.commands.keep(buffer.raw().clone());
     }

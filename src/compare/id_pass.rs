@@ -23,6 +23,9 @@ use crate::{
 };
 use std::{collections::HashMap, sync::Arc};
 
+/// Most draws of an id pass. Each is a few hundred bytes.
+const MAX_DRAWS: u64 = 1 << 22;
+
 const ID_SHADER: &str = include_str!("../../glsl/compare/id.frag");
 
 /// An id pass, and what its ids mean.
@@ -60,15 +63,16 @@ impl IdPass {
 /// Makes the id pass of `pass`.
 ///
 /// # Errors
-/// [`Error::Usage`] for a draw of a pipeline that does not exist; [`Error::Capacity`] if the pass
-/// has more primitives than there are ids; [`Error::Shader`] if the id shader does not compile.
+/// [`Error::Usage`] for a draw of a pipeline that does not exist or of instances that have no number;
+/// [`Error::Capacity`] if the pass has more primitives than there are ids; [`Error::Full`] if it has
+/// more instances than draws are made for; [`Error::Shader`] if the id shader does not compile.
 pub fn id_pass(pass: &Pass) -> Result<IdPass> {
     let ranges = ranges(pass)?;
-    let draws = ranges.iter().map(|range| id_draw(pass, range)).collect();
+    let draws = ranges.iter().map(|range| id_draw(pass, range)).collect::<Result<_>>()?;
     let mut shaders = HashMap::new();
     let mut pipelines = Vec::with_capacity(pass.pipelines.len());
     for pipeline in &pass.pipelines {
-        let offset = id_offset(pipeline);
+        let offset = id_offset(pipeline)?;
         let shader = match shaders.get(&offset) {
             Some(shader) => Arc::clone(shader),
             None => shaders.entry(offset).or_insert(Arc::new(id_shader(offset)?)).clone(),
@@ -112,6 +116,13 @@ fn ranges(pass: &Pass) -> Result<Vec<IdRange>> {
                 advice: "compare fewer draws at a time".into(),
             });
         }
+        let draws = ranges.len() as u64 + u64::from(draw.instances);
+        if draws > MAX_DRAWS {
+            return Err(Error::Full(format!(
+                "the id pass has a draw for each instance, {draws} up to draw {index}; the limit is \
+                 {MAX_DRAWS}: compare fewer instances at a time"
+            )));
+        }
         for instance in 0..draw.instances {
             let first_id = (next + u64::from(instance) * u64::from(primitives)) as u32;
             ranges.push(IdRange { first_id, primitives, draw: index, instance });
@@ -122,8 +133,14 @@ fn ranges(pass: &Pass) -> Result<Vec<IdRange>> {
 }
 
 /// Where the first id lies among the push constants.
-fn id_offset(pipeline: &Pipeline) -> usize {
-    pipeline.vertex.reflection.push_constant_bytes.next_multiple_of(4) as usize
+fn id_offset(pipeline: &Pipeline) -> Result<usize> {
+    let bytes = pipeline.vertex.reflection.push_constant_bytes;
+    bytes.checked_next_multiple_of(4).map(|offset| offset as usize).ok_or_else(|| {
+        Error::Usage(format!(
+            "pipeline `{}` has {bytes} bytes of push constants, which leave no room for an id",
+            pipeline.label
+        ))
+    })
 }
 
 fn id_shader(offset: usize) -> Result<Shader> {
@@ -145,17 +162,18 @@ fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
     }
 }
 
-fn id_draw(pass: &Pass, range: &IdRange) -> Draw {
+fn id_draw(pass: &Pass, range: &IdRange) -> Result<Draw> {
     let draw = &pass.draws[range.draw];
     let mut push_constants = draw.push_constants.clone();
-    push_constants.resize(id_offset(&pass.pipelines[draw.pipeline]), 0);
+    push_constants.resize(id_offset(&pass.pipelines[draw.pipeline])?, 0);
     push_constants.extend_from_slice(&range.first_id.to_ne_bytes());
-    Draw {
-        push_constants,
-        instances: 1,
-        first_instance: draw.first_instance + range.instance,
-        ..draw.clone()
-    }
+    let first_instance = draw.first_instance.checked_add(range.instance).ok_or_else(|| {
+        Error::Usage(format!(
+            "draw {} has {} instances from {} on; they are numbered with 32 bits",
+            range.draw, draw.instances, draw.first_instance
+        ))
+    })?;
+    Ok(Draw { push_constants, instances: 1, first_instance, ..draw.clone() })
 }
 
 #[cfg(test)]
@@ -261,6 +279,23 @@ mod tests {
             "the id of each primitive of the pass needs 5 bytes, \
              the limit of an RGBA8 target is 4: compare fewer draws at a time"
         );
+    }
+
+    #[test]
+    fn what_has_no_number_is_refused() {
+        let pipelines = || vec![pipeline(Topology::TriangleList, None)];
+        let draw = Draw { instances: 3, first_instance: u32::MAX - 1, ..Draw::new(0, 3) };
+        let error = id_pass(&pass(pipelines(), vec![draw])).unwrap_err();
+        assert!(error.to_string().contains("3 instances from 4294967294"), "{error}");
+        let draw = Draw { instances: 1 << 23, ..Draw::new(0, 3) };
+        let error = id_pass(&pass(pipelines(), vec![draw])).unwrap_err();
+        assert!(matches!(error, Error::Full(_)), "{error}");
+        let mut pipelines = pipelines();
+        let mut vertex = (*pipelines[0].vertex).clone();
+        vertex.reflection.push_constant_bytes = u32::MAX;
+        pipelines[0].vertex = Arc::new(vertex);
+        let error = id_pass(&pass(pipelines, vec![Draw::new(0, 3)])).unwrap_err();
+        assert!(error.to_string().contains("no room for an id"), "{error}");
     }
 
     #[test]

@@ -159,7 +159,7 @@ impl Setup {
         // The first band is the largest.
         let band = bands[0];
         let capacities = plan.capacities();
-        let format = color_format(pass.color.format);
+        let format = color_format(pass.color.format)?;
         let pixels = band.padded_pixels();
         let fragment_kernels =
             plan.batches.iter().map(|b| b.fragment_kernels.len()).max().unwrap_or(1);

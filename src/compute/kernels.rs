@@ -3,7 +3,7 @@
 use super::vertex;
 use crate::{
     abi,
-    error::Result,
+    error::{Error, Result},
     format::Format,
     kernels,
     plan::KernelKey,
@@ -40,11 +40,15 @@ pub struct Kernels {
 }
 
 /// The `abi` number of a colour format.
-pub fn color_format(format: Format) -> u32 {
+///
+/// # Errors
+/// [`Error::Usage`] for a format that holds no colours.
+pub fn color_format(format: Format) -> Result<u32> {
     match format {
-        Format::Rgba8Srgb => abi::FORMAT_RGBA8_SRGB,
-        Format::Rgba16Float => abi::FORMAT_RGBA16_FLOAT,
-        _ => abi::FORMAT_RGBA8_UNORM,
+        Format::Rgba8Unorm => Ok(abi::FORMAT_RGBA8_UNORM),
+        Format::Rgba8Srgb => Ok(abi::FORMAT_RGBA8_SRGB),
+        Format::Rgba16Float => Ok(abi::FORMAT_RGBA16_FLOAT),
+        Format::D32Float => Err(Error::Usage("D32Float is no format of a colour target".into())),
     }
 }
 

@@ -71,9 +71,10 @@ impl Renderer {
         })
     }
 
-    /// Bounds what one batch may hold. The picture does not depend on it.
+    /// Bounds what one batch may hold. The picture does not depend on it. What is less than
+    /// [`Capacities::LEAST`] or more than [`Capacities::MOST`] is taken for that.
     pub fn set_batch_limit(&mut self, limit: Capacities) {
-        self.limit = limit;
+        self.limit = limit.clamped();
     }
 
     /// Times every stage of the passes prepared from now on; costs a little.
@@ -106,7 +107,7 @@ impl Renderer {
         match shader.stage {
             Stage::Vertex => self.kernels.make(&[Wanted::Vertex(key)]),
             Stage::Fragment => {
-                let format = kernels::color_format(Format::Rgba8Srgb);
+                let format = kernels::color_format(Format::Rgba8Srgb)?;
                 let ordered = Wanted::Ordered(key.clone(), format, depth_mode(&shader.reflection));
                 self.kernels.make(&[Wanted::Shade(key, format), ordered])
             }

@@ -1,15 +1,16 @@
 //! Whether a pass makes sense: the one check that all executors share, so that all of them refuse the
 //! same input with the same words, and none of them ever reads outside a buffer.
 
+mod pipeline;
+
 use super::{
     Binding, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Pass, Pipeline, StepRate,
 };
 use crate::{
-    abi,
     error::{Error, Result},
-    format::{Component, Format},
+    format::Format,
     image::Extent,
-    shader::{Dimension, ImageShape, Resource, ResourceKind, Scalar, Shader, Stage},
+    shader::{Resource, ResourceKind},
     state::{Rect, Viewport},
     texture::Texture,
 };
@@ -38,9 +39,10 @@ impl Pass {
     pub fn validate(&self) -> Result<()> {
         let named = |what: String| move |fault| Error::Usage(format!("{what}: {fault}"));
         self.check_targets().map_err(named(format!("pass `{}`", self.label)))?;
-        for pipeline in &self.pipelines {
-            check_pipeline(pipeline).map_err(named(format!("pipeline `{}`", pipeline.label)))?;
-        }
+        let checked = self.pipelines.iter().map(|pipeline| {
+            pipeline::check(pipeline).map_err(named(format!("pipeline `{}`", pipeline.label)))
+        });
+        let resources = checked.collect::<Result<Vec<_>>>()?;
         let mut seen = Seen::default();
         for (n, draw) in self.draws.iter().enumerate() {
             let Some(pipeline) = self.pipelines.get(draw.pipeline) else {
@@ -50,7 +52,7 @@ impl Pass {
                     self.pipelines.len()
                 )));
             };
-            check_draw(draw, pipeline, &mut seen)
+            check_draw(draw, pipeline, &resources[draw.pipeline], &mut seen)
                 .map_err(named(format!("draw {n} (pipeline `{}`)", pipeline.label)))?;
         }
         Ok(())
@@ -74,173 +76,18 @@ impl Pass {
     }
 }
 
-impl Pipeline {
-    /// The resources of both stages by (set, binding), each once, sorted. An array that both declare
-    /// has the larger of the two lengths, a block the larger of the two sizes.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if the stages declare one of them as different kinds.
-    pub fn resources(&self) -> Result<Vec<Resource>> {
-        merged(&self.vertex, &self.fragment)
-            .map_err(|fault| Error::Usage(format!("pipeline `{}`: {fault}", self.label)))
-    }
-}
-
-fn merged(vertex: &Shader, fragment: &Shader) -> std::result::Result<Vec<Resource>, String> {
-    let mut all: Vec<Resource> = Vec::new();
-    for resource in vertex.reflection.resources.iter().chain(&fragment.reflection.resources) {
-        let same = |r: &&mut Resource| (r.set, r.binding) == (resource.set, resource.binding);
-        match all.iter_mut().find(same) {
-            None => all.push(*resource),
-            Some(other) if other.kind != resource.kind => {
-                return Err(format!(
-                    "set {} binding {} is {:?} in `{}` and {:?} in `{}`",
-                    other.set,
-                    other.binding,
-                    other.kind,
-                    vertex.label,
-                    resource.kind,
-                    fragment.label
-                ));
-            }
-            Some(other) => {
-                // 0 is a run-time array, which is as long as what is bound.
-                let open = other.count == 0 || resource.count == 0;
-                other.count = if open { 0 } else { other.count.max(resource.count) };
-                other.bytes = other.bytes.max(resource.bytes);
-            }
-        }
-    }
-    all.sort_by_key(|r| (r.set, r.binding));
-    Ok(all)
-}
-
-fn check_pipeline(pipeline: &Pipeline) -> Fault {
-    for (shader, stage) in
-        [(&pipeline.vertex, Stage::Vertex), (&pipeline.fragment, Stage::Fragment)]
-    {
-        if shader.stage != stage {
-            return Err(format!("shader `{}` is no {stage:?} shader", shader.label));
-        }
-    }
-    for binding in &pipeline.vertex_bindings {
-        if binding.stride > STRIDE_BYTES {
-            return Err(format!("a stride of {} bytes; at most {STRIDE_BYTES}", binding.stride));
-        }
-    }
-    check_attributes(pipeline)?;
-    check_varyings(pipeline)?;
-    for resource in merged(&pipeline.vertex, &pipeline.fragment)? {
-        let place = format!("set {} binding {}", resource.set, resource.binding);
-        if resource.kind == ResourceKind::StorageImage {
-            return Err(format!("{place} is a storage image, which cannot be bound"));
-        }
-        if let Some(shape) = resource.image.filter(|shape| !is_plain(shape)) {
-            return Err(format!("{place} is {shape:?}; textures are two-dimensional floats"));
-        }
-    }
-    Ok(())
-}
-
-fn is_plain(shape: &ImageShape) -> bool {
-    shape.dimension == Dimension::D2
-        && !shape.arrayed
-        && !shape.multisampled
-        && !shape.shadow
-        && shape.texel == Scalar::Float
-}
-
-fn check_attributes(pipeline: &Pipeline) -> Fault {
-    let mut locations = HashSet::new();
-    for attribute in &pipeline.vertex_attributes {
-        let (location, format) = (attribute.location, attribute.format);
-        let place = format!("vertex attribute {location}");
-        if !locations.insert(location) {
-            return Err(format!("{place} is there twice"));
-        }
-        if location >= abi::MAX_ATTRIBUTES {
-            return Err(format!("{place} is beyond the {} that there are", abi::MAX_ATTRIBUTES));
-        }
-        if !(1..=4).contains(&format.count) {
-            return Err(format!("{place} has {} components", format.count));
-        }
-        let Some(binding) = pipeline.vertex_bindings.get(attribute.binding as usize) else {
-            let bindings = pipeline.vertex_bindings.len();
-            return Err(format!("{place} is in binding {} of {bindings}", attribute.binding));
-        };
-        let align = format.component.bytes() as u32;
-        if attribute.offset >= STRIDE_BYTES {
-            return Err(format!("{place} starts at byte {}", attribute.offset));
-        }
-        if attribute.offset % align != 0 || binding.stride % align != 0 {
-            return Err(format!(
-                "{place} has {align}-byte components at byte {} with stride {}",
-                attribute.offset, binding.stride
-            ));
-        }
-    }
-    for input in &pipeline.vertex.reflection.inputs {
-        let same = pipeline.vertex_attributes.iter().find(|a| a.location == input.location);
-        let Some(attribute) = same else {
-            let shader = &pipeline.vertex.label;
-            return Err(format!("`{shader}` reads vertex attribute {}: no such", input.location));
-        };
-        let component = attribute.format.component;
-        if scalar(component) != input.scalar {
-            return Err(format!(
-                "vertex attribute {} is {:?} in `{}`, {component:?} in memory",
-                input.location, input.scalar, pipeline.vertex.label
-            ));
-        }
-    }
-    Ok(())
-}
-
-fn scalar(component: Component) -> Scalar {
-    match component {
-        Component::U8 | Component::U16 | Component::U32 => Scalar::Uint,
-        Component::I8 | Component::I16 | Component::I32 => Scalar::Int,
-        _ => Scalar::Float,
-    }
-}
-
-/// Whether the vertex shader writes what the fragment shader reads.
-fn check_varyings(pipeline: &Pipeline) -> Fault {
-    let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
-    for input in &fragment.reflection.inputs {
-        let outputs = vertex.reflection.outputs.iter();
-        let mut written = 0u32;
-        for output in outputs.filter(|o| o.location == input.location) {
-            let bits = ((1 << output.count) - 1) << output.component;
-            let read = ((1 << input.count) - 1) << input.component;
-            if bits & read != 0 && output.scalar != input.scalar {
-                return Err(format!(
-                    "location {} is {:?} in `{}` and {:?} in `{}`",
-                    input.location, output.scalar, vertex.label, input.scalar, fragment.label
-                ));
-            }
-            written |= bits;
-        }
-        let read = ((1u32 << input.count) - 1) << input.component;
-        if read & !written != 0 {
-            return Err(format!(
-                "`{}` reads location {}, which `{}` does not write",
-                fragment.label, input.location, vertex.label
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// What was found good before, so that thousands of draws that share it are checked quickly.
+/// What was found good before, so that thousands of draws that share it are checked quickly. A key holds
+/// everything that its verdict depends on. Addresses stand for what lies there: the pass does not change
+/// while it is checked.
 #[derive(Default)]
 struct Seen {
-    /// Pipeline, number of the set, set.
-    sets: HashSet<(usize, usize, *const BindingSet)>,
+    /// Pipeline, number of the set, set: the set binds all that the pipeline's shaders declare under this
+    /// number.
+    sets: HashSet<(usize, u32, *const BindingSet)>,
     textures: HashSet<*const Texture>,
 }
 
-fn check_draw(draw: &Draw, pipeline: &Pipeline, seen: &mut Seen) -> Fault {
+fn check_draw(draw: &Draw, pipeline: &Pipeline, resources: &[Resource], seen: &mut Seen) -> Fault {
     let push = pipeline
         .vertex
         .reflection
@@ -258,7 +105,7 @@ fn check_draw(draw: &Draw, pipeline: &Pipeline, seen: &mut Seen) -> Fault {
     {
         return Err(format!("the scissor {x},{y} {width}x{height} is too large"));
     }
-    check_sets(draw, pipeline, seen)?;
+    check_sets(draw, resources, seen)?;
     check_vertices(draw, pipeline)
 }
 
@@ -273,36 +120,44 @@ fn check_viewport(v: &Viewport) -> Fault {
     if sides && edges && depths.contains(&v.min_depth) && depths.contains(&v.max_depth) {
         return Ok(());
     }
-    Err(format!("the viewport {v:?} is empty, too large, or has depths outside 0..=1"))
+    let Viewport { x, y, width, height, min_depth, max_depth } = v;
+    Err(format!(
+        "the viewport {x},{y} {width}x{height} with depths {min_depth} to {max_depth} is empty, too \
+         large, or has depths outside 0..=1"
+    ))
 }
 
-fn check_sets(draw: &Draw, pipeline: &Pipeline, seen: &mut Seen) -> Fault {
-    let fresh = |seen: &mut Seen| {
-        let sets = draw.sets.iter().enumerate();
-        sets.fold(draw.sets.is_empty(), |any, (n, set)| {
-            seen.sets.insert((draw.pipeline, n, Arc::as_ptr(set))) || any
-        })
-    };
-    if !fresh(seen) {
-        return Ok(());
-    }
-    for resource in merged(&pipeline.vertex, &pipeline.fragment)? {
-        let place = format!("set {} binding {}", resource.set, resource.binding);
-        let set = draw.sets.get(resource.set as usize);
-        let entry = set.and_then(|s| s.entries.iter().find(|e| e.binding == resource.binding));
-        let Some(entry) = entry else {
-            return Err(format!("{place} ({:?}) is not bound", resource.kind));
-        };
-        let wanted = resource.count.max(1) as usize;
-        if entry.resources.len() < wanted {
-            let bound = entry.resources.len();
-            return Err(format!("{place} has {wanted} elements; {bound} are bound"));
+/// Checks the sets of a draw against the resources of its pipeline, which are sorted by set.
+fn check_sets(draw: &Draw, resources: &[Resource], seen: &mut Seen) -> Fault {
+    for of_set in resources.chunk_by(|a, b| a.set == b.set) {
+        let number = of_set[0].set;
+        let set = draw.sets.get(number as usize);
+        let key = (draw.pipeline, number, set.map_or(std::ptr::null(), Arc::as_ptr));
+        if seen.sets.contains(&key) {
+            continue;
         }
-        for binding in &entry.resources {
-            check_binding(binding, &resource, seen).map_err(|fault| format!("{place}: {fault}"))?;
+        for resource in of_set {
+            check_resource(set, resource, seen)?;
         }
+        seen.sets.insert(key);
     }
     Ok(())
+}
+
+fn check_resource(set: Option<&Arc<BindingSet>>, resource: &Resource, seen: &mut Seen) -> Fault {
+    let place = format!("set {} binding {}", resource.set, resource.binding);
+    let entry = set.and_then(|s| s.entries.iter().find(|e| e.binding == resource.binding));
+    let Some(entry) = entry else {
+        return Err(format!("{place} ({:?}) is not bound", resource.kind));
+    };
+    let wanted = resource.count.max(1) as usize;
+    if entry.resources.len() < wanted {
+        let bound = entry.resources.len();
+        return Err(format!("{place} has {wanted} elements; {bound} are bound"));
+    }
+    entry.resources.iter().try_for_each(|binding| {
+        check_binding(binding, resource, seen).map_err(|fault| format!("{place}: {fault}"))
+    })
 }
 
 fn check_binding(binding: &Binding, resource: &Resource, seen: &mut Seen) -> Fault {
@@ -395,7 +250,7 @@ fn check_vertices(draw: &Draw, pipeline: &Pipeline) -> Fault {
             }
             let (first, count) = (draw.first as usize, draw.count as usize);
             let there = indices.range.bytes / width;
-            if first + count > there {
+            if first.checked_add(count).is_none_or(|end| end > there) {
                 return Err(format!("{count} indices from {first} on; there are {there}"));
             }
             index_range(&indices.range, indices.format, first, count)
@@ -409,9 +264,23 @@ fn check_vertices(draw: &Draw, pipeline: &Pipeline) -> Fault {
     };
     let Some((first, last)) = vertices.filter(|_| draw.instances > 0) else { return Ok(()) };
     if first < 0 || last > i64::from(u32::MAX) {
-        return Err(format!("it reads vertices {first} to {last}"));
+        return Err(format!("it reads vertices {first} to {last}; they are numbered with 32 bits"));
     }
     let last_instance = i64::from(draw.first_instance) + i64::from(draw.instances) - 1;
+    if last_instance > i64::from(u32::MAX) {
+        let first = draw.first_instance;
+        return Err(format!(
+            "it draws instances {first} to {last_instance}; they are numbered with 32 bits"
+        ));
+    }
+    let of_one = pipeline.topology.primitives(draw.count);
+    if u64::from(of_one) * u64::from(draw.instances) > u64::from(u32::MAX) {
+        return Err(format!(
+            "{of_one} primitives in each of {} instances are more than {}",
+            draw.instances,
+            u32::MAX
+        ));
+    }
     for attribute in &pipeline.vertex_attributes {
         let n = attribute.binding as usize;
         let (binding, range) = (pipeline.vertex_bindings[n], &draw.vertex_buffers[n]);

@@ -237,7 +237,7 @@ impl Planner<'_> {
         let count = primitives.end - primitives.start;
         let per_corner = 3 * u64::from(count);
         let span = u64::from(high - low) + 1;
-        let ranged = span * u64::from(last - first + 1);
+        let ranged = span * (u64::from(last - first) + 1);
         let piece = Piece { first_in_draw: primitives.start, ..template };
         let (piece, slots) = if ranged <= per_corner.min(u64::from(u32::MAX)) {
             let piece = Piece {
@@ -268,7 +268,8 @@ impl Planner<'_> {
             Some(indices) => {
                 self.ranges.of(indices, draw.first + elements.start..draw.first + elements.end)
             }
-            None => (draw.first + elements.start, draw.first + elements.end - 1),
+            // The last vertex may be the last there is: its number plus 1 has no room.
+            None => (draw.first + elements.start, draw.first + (elements.end - 1)),
         };
         let (mut low, mut high) = of(elements);
         if topology == Topology::TriangleFan {

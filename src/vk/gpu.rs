@@ -141,6 +141,14 @@ pub(crate) struct DrawLimits {
     pub storages: u32,
     pub images: u32,
     pub samplers: u32,
+    /// Bytes of a uniform block.
+    pub uniform_bytes: u32,
+    pub vertex_bindings: u32,
+    /// Locations of vertex attributes, of vertex outputs, of fragment inputs, of fragment outputs.
+    pub vertex_attributes: u32,
+    pub vertex_outputs: u32,
+    pub fragment_inputs: u32,
+    pub fragment_outputs: u32,
 }
 
 /// How timestamps become nanoseconds.
@@ -209,13 +217,7 @@ impl Gpu {
             addresses,
             timeout: options.timeout,
             push_constant_bytes: probe.properties.limits.max_push_constants_size,
-            draw_limits: DrawLimits {
-                sets: probe.properties.limits.max_bound_descriptor_sets,
-                uniforms: probe.properties.limits.max_per_stage_descriptor_uniform_buffers,
-                storages: probe.properties.limits.max_per_stage_descriptor_storage_buffers,
-                images: probe.properties.limits.max_per_stage_descriptor_sampled_images,
-                samplers: probe.properties.limits.max_per_stage_descriptor_samplers,
-            },
+            draw_limits: draw_limits(&probe.properties.limits),
             lacking: capability::lacking(&probe),
             debug,
             validation,
@@ -451,6 +453,22 @@ fn create_device(
         .push_next(&mut all);
     // SAFETY: every feature that is on was reported by this device; all pointers outlive the call.
     unsafe { instance.create_device(physical, &info, None) }
+}
+
+fn draw_limits(l: &vk::PhysicalDeviceLimits) -> DrawLimits {
+    DrawLimits {
+        sets: l.max_bound_descriptor_sets,
+        uniforms: l.max_per_stage_descriptor_uniform_buffers,
+        storages: l.max_per_stage_descriptor_storage_buffers,
+        images: l.max_per_stage_descriptor_sampled_images,
+        samplers: l.max_per_stage_descriptor_samplers,
+        uniform_bytes: l.max_uniform_buffer_range,
+        vertex_bindings: l.max_vertex_input_bindings,
+        vertex_attributes: l.max_vertex_input_attributes,
+        vertex_outputs: l.max_vertex_output_components / 4,
+        fragment_inputs: l.max_fragment_input_components / 4,
+        fragment_outputs: l.max_fragment_output_attachments,
+    }
 }
 
 fn limits(probe: &Probe, info: &DeviceInfo) -> Limits {

@@ -157,7 +157,9 @@ impl RawImage {
     pub fn aspect(&self) -> vk::ImageAspectFlags {
         match self.format {
             Format::D32Float => vk::ImageAspectFlags::DEPTH,
-            _ => vk::ImageAspectFlags::COLOR,
+            Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
+                vk::ImageAspectFlags::COLOR
+            }
         }
     }
 

@@ -1,0 +1,171 @@
+//! Whether a pipeline makes sense: its shaders, and what lies between them and the vertex buffers.
+
+use super::{Fault, STRIDE_BYTES};
+use crate::{
+    abi,
+    error::{Error, Result},
+    format::Component,
+    pass::Pipeline,
+    shader::{Dimension, ImageShape, Resource, ResourceKind, Scalar, Shader, Stage},
+};
+use std::collections::HashSet;
+
+impl Pipeline {
+    /// The resources of both stages by (set, binding), each once, sorted. An array that both declare
+    /// has the larger of the two lengths, a block the larger of the two sizes.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the stages declare one of them as different kinds.
+    pub fn resources(&self) -> Result<Vec<Resource>> {
+        merged(&self.vertex, &self.fragment)
+            .map_err(|fault| Error::Usage(format!("pipeline `{}`: {fault}", self.label)))
+    }
+}
+
+fn merged(vertex: &Shader, fragment: &Shader) -> std::result::Result<Vec<Resource>, String> {
+    let mut all: Vec<Resource> = Vec::new();
+    for resource in vertex.reflection.resources.iter().chain(&fragment.reflection.resources) {
+        let same = |r: &&mut Resource| (r.set, r.binding) == (resource.set, resource.binding);
+        match all.iter_mut().find(same) {
+            None => all.push(*resource),
+            Some(other) if other.kind != resource.kind => {
+                return Err(format!(
+                    "set {} binding {} is {:?} in `{}` and {:?} in `{}`",
+                    other.set,
+                    other.binding,
+                    other.kind,
+                    vertex.label,
+                    resource.kind,
+                    fragment.label
+                ));
+            }
+            Some(other) => {
+                // 0 is a run-time array, which is as long as what is bound.
+                let open = other.count == 0 || resource.count == 0;
+                other.count = if open { 0 } else { other.count.max(resource.count) };
+                other.bytes = other.bytes.max(resource.bytes);
+            }
+        }
+    }
+    all.sort_by_key(|r| (r.set, r.binding));
+    Ok(all)
+}
+
+/// Checks a pipeline; returns its resources, see [`Pipeline::resources`].
+pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, String> {
+    for (shader, stage) in
+        [(&pipeline.vertex, Stage::Vertex), (&pipeline.fragment, Stage::Fragment)]
+    {
+        if shader.stage != stage {
+            return Err(format!("shader `{}` is no {stage:?} shader", shader.label));
+        }
+    }
+    for binding in &pipeline.vertex_bindings {
+        if binding.stride > STRIDE_BYTES {
+            return Err(format!("a stride of {} bytes; at most {STRIDE_BYTES}", binding.stride));
+        }
+    }
+    check_attributes(pipeline)?;
+    check_varyings(pipeline)?;
+    let resources = merged(&pipeline.vertex, &pipeline.fragment)?;
+    for resource in &resources {
+        let place = format!("set {} binding {}", resource.set, resource.binding);
+        if resource.kind == ResourceKind::StorageImage {
+            return Err(format!("{place} is a storage image, which cannot be bound"));
+        }
+        if let Some(shape) = resource.image.filter(|shape| !is_plain(shape)) {
+            return Err(format!("{place} is {shape:?}; textures are two-dimensional floats"));
+        }
+    }
+    Ok(resources)
+}
+
+fn is_plain(shape: &ImageShape) -> bool {
+    shape.dimension == Dimension::D2
+        && !shape.arrayed
+        && !shape.multisampled
+        && !shape.shadow
+        && shape.texel == Scalar::Float
+}
+
+fn check_attributes(pipeline: &Pipeline) -> Fault {
+    let mut locations = HashSet::new();
+    for attribute in &pipeline.vertex_attributes {
+        let (location, format) = (attribute.location, attribute.format);
+        let place = format!("vertex attribute {location}");
+        if !locations.insert(location) {
+            return Err(format!("{place} is there twice"));
+        }
+        if location >= abi::MAX_ATTRIBUTES {
+            return Err(format!("{place} is beyond the {} that there are", abi::MAX_ATTRIBUTES));
+        }
+        if !(1..=4).contains(&format.count) {
+            return Err(format!("{place} has {} components", format.count));
+        }
+        let Some(binding) = pipeline.vertex_bindings.get(attribute.binding as usize) else {
+            let bindings = pipeline.vertex_bindings.len();
+            return Err(format!("{place} is in binding {} of {bindings}", attribute.binding));
+        };
+        let align = format.component.bytes() as u32;
+        if attribute.offset >= STRIDE_BYTES {
+            return Err(format!("{place} starts at byte {}", attribute.offset));
+        }
+        if attribute.offset % align != 0 || binding.stride % align != 0 {
+            return Err(format!(
+                "{place} has {align}-byte components at byte {} with stride {}",
+                attribute.offset, binding.stride
+            ));
+        }
+    }
+    for input in &pipeline.vertex.reflection.inputs {
+        let same = pipeline.vertex_attributes.iter().find(|a| a.location == input.location);
+        let Some(attribute) = same else {
+            let shader = &pipeline.vertex.label;
+            return Err(format!("`{shader}` reads vertex attribute {}: no such", input.location));
+        };
+        let component = attribute.format.component;
+        if scalar(component) != input.scalar {
+            return Err(format!(
+                "vertex attribute {} is {:?} in `{}`, {component:?} in memory",
+                input.location, input.scalar, pipeline.vertex.label
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn scalar(component: Component) -> Scalar {
+    match component {
+        Component::U8 | Component::U16 | Component::U32 => Scalar::Uint,
+        Component::I8 | Component::I16 | Component::I32 => Scalar::Int,
+        _ => Scalar::Float,
+    }
+}
+
+/// Whether the vertex shader writes what the fragment shader reads.
+fn check_varyings(pipeline: &Pipeline) -> Fault {
+    let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
+    for input in &fragment.reflection.inputs {
+        let outputs = vertex.reflection.outputs.iter();
+        let mut written = 0u32;
+        for output in outputs.filter(|o| o.location == input.location) {
+            let bits = ((1 << output.count) - 1) << output.component;
+            let read = ((1 << input.count) - 1) << input.component;
+            if bits & read != 0 && output.scalar != input.scalar {
+                return Err(format!(
+                    "location {} is {:?} in `{}` and {:?} in `{}`",
+                    input.location, output.scalar, vertex.label, input.scalar, fragment.label
+                ));
+            }
+            written |= bits;
+        }
+        let read = ((1u32 << input.count) - 1) << input.component;
+        if read & !written != 0 {
+            return Err(format!(
+                "`{}` reads location {}, which `{}` does not write",
+                fragment.label, input.location, vertex.label
+            ));
+        }
+    }
+    Ok(())
+}
