@@ -2,7 +2,7 @@
 // Metallic-roughness under one key light and a sky and ground. With ALPHA_MASK it discards
 // fragments below the cutoff; without, nothing in it discards, so depth can be tested early.
 
-layout(location = 0) in vec3 in_position;
+layout(location = 0) in vec3 in_to_viewer;
 layout(location = 1) in vec3 in_normal;
 layout(location = 2) in vec4 in_tangent;
 layout(location = 3) in vec4 in_uv;
@@ -11,9 +11,10 @@ layout(location = 4) in vec4 in_color;
 layout(location = 0) out vec4 out_color;
 
 layout(set = 0, binding = 0) uniform Frame {
-    mat4 view_projection;
-    vec4 eye; // w: 1 if the view is a perspective
-    vec4 backward;
+    // Columns of the matrix from x, y and w of clip space to the direction towards the viewer.
+    vec4 to_viewer_x;
+    vec4 to_viewer_y;
+    vec4 to_viewer_w;
     vec4 key_direction;
     vec4 key_color;
     vec4 sky;
@@ -156,7 +157,7 @@ void main() {
     float metallic = clamp(metallic_roughness.x, 0.0, 1.0);
     float roughness = clamp(metallic_roughness.y, 0.04, 1.0);
     vec3 n = shading_normal(mapped);
-    vec3 v = frame.eye.w > 0.5 ? unit(frame.eye.xyz - in_position) : frame.backward.xyz;
+    vec3 v = unit(in_to_viewer);
     vec3 l = frame.key_direction.xyz;
     vec3 diffuse = base.rgb * (1.0 - metallic);
     vec3 f0 = mix(vec3(0.04), base.rgb, metallic);

@@ -13,9 +13,10 @@ layout(location = 7) in vec4 in_instance_y;
 layout(location = 8) in vec4 in_instance_z;
 
 layout(set = 0, binding = 0) uniform Frame {
-    mat4 view_projection;
-    vec4 eye; // w: 1 if the view is a perspective
-    vec4 backward;
+    // Columns of the matrix from x, y and w of clip space to the direction towards the viewer.
+    vec4 to_viewer_x;
+    vec4 to_viewer_y;
+    vec4 to_viewer_w;
     vec4 key_direction;
     vec4 key_color;
     vec4 sky;
@@ -24,13 +25,14 @@ layout(set = 0, binding = 0) uniform Frame {
 } frame;
 
 layout(push_constant) uniform Draw {
-    mat4 model;
-    vec4 normal_x; // columns of the matrix for normals; w: -1 if the model mirrors
-    vec4 normal_y;
-    vec4 normal_z;
+    mat4 clip;
+    // Columns of the matrix that turns directions to the world; w of the first: -1 if mirrored.
+    vec4 model_x;
+    vec4 model_y;
+    vec4 model_z;
 } draw;
 
-layout(location = 0) out vec3 out_position;
+layout(location = 0) out vec3 out_to_viewer;
 layout(location = 1) out vec3 out_normal;
 layout(location = 2) out vec4 out_tangent;
 layout(location = 3) out vec4 out_uv;
@@ -38,27 +40,23 @@ layout(location = 4) out vec4 out_color;
 
 void main() {
     mat3 instance = transpose(mat3(in_instance_x.xyz, in_instance_y.xyz, in_instance_z.xyz));
+    mat3 turn = mat3(draw.model_x.xyz, draw.model_y.xyz, draw.model_z.xyz) * instance;
     // Cofactors turn normals right under any scale, flat ones included; mirrors change their sign.
-    mat3 cofactors = mat3(
-        cross(instance[1], instance[2]),
-        cross(instance[2], instance[0]),
-        cross(instance[0], instance[1]));
-    float mirror = dot(instance[0], cofactors[0]) < 0.0 ? -1.0 : 1.0;
-    mat3 to_world = mat3(draw.normal_x.xyz, draw.normal_y.xyz, draw.normal_z.xyz);
+    mat3 cofactors =
+        mat3(cross(turn[1], turn[2]), cross(turn[2], turn[0]), cross(turn[0], turn[1]));
+    float mirror = draw.model_x.w;
 
     // Precise: the classic pipeline and the kernels must place a vertex at the same bits.
     vec4 local = vec4(in_position, 1.0);
     precise vec4 placed = vec4(
         dot(in_instance_x, local), dot(in_instance_y, local), dot(in_instance_z, local), 1.0);
-    precise vec4 world = draw.model * placed;
-    precise vec4 clip = frame.view_projection * world;
+    precise vec4 clip = draw.clip * placed;
     gl_Position = clip;
 
-    out_position = world.xyz;
-    out_normal = to_world * (cofactors * in_normal) * mirror;
-    out_tangent = vec4(
-        mat3(draw.model) * (instance * in_tangent.xyz),
-        in_tangent.w * mirror * draw.normal_x.w);
+    mat3 to_viewer = mat3(frame.to_viewer_x.xyz, frame.to_viewer_y.xyz, frame.to_viewer_w.xyz);
+    out_to_viewer = to_viewer * clip.xyw;
+    out_normal = cofactors * in_normal * mirror;
+    out_tangent = vec4(turn * in_tangent.xyz, in_tangent.w * mirror);
     out_uv = vec4(in_uv0, in_uv1);
     out_color = in_color;
 }

@@ -2,7 +2,7 @@
 
 use super::recipe::{Order, Recipe, Shape};
 use crate::{image::Extent, random::Random, scene::Camera};
-use glam::{Mat4, Quat, Vec2, Vec3};
+use glam::{DVec3, Mat4, Quat, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
 /// What `surface.vert` reads.
@@ -120,7 +120,13 @@ fn upright(meshes: Vec<Mesh>, objects: Vec<Object>) -> Model {
 }
 
 fn seen(meshes: Vec<Mesh>, objects: Vec<Object>, camera: &Camera, extent: Extent) -> Model {
-    Model { meshes, objects, view_projection: camera.view_projection(extent), eye: camera.eye() }
+    let view_projection = camera.view_projection(extent).as_mat4();
+    Model { meshes, objects, view_projection, eye: camera.eye().as_vec3() }
+}
+
+/// A camera at `eye` that looks at `target`.
+fn look_at(eye: Vec3, target: Vec3, yfov: f64) -> Camera {
+    Camera::look_at(eye.as_dvec3(), target.as_dvec3(), DVec3::Y, yfov)
 }
 
 /// Layers from depth 0.1 to 0.9. Inner vertices are off their places by up to a fifth of a cell, so
@@ -203,7 +209,7 @@ fn hall(extent: Extent) -> Model {
             add(Vec3::new(side * 2.5, 1.0, row as f32 * 2.4 - 6.5), Vec3::new(0.35, 2.0, 0.35));
         }
     }
-    let camera = Camera::look_at(Vec3::new(0.8, 0.9, 6.5), Vec3::new(-0.2, 0.6, 0.0), Vec3::Y, 1.1);
+    let camera = look_at(Vec3::new(0.8, 0.9, 6.5), Vec3::new(-0.2, 0.6, 0.0), 1.1);
     seen(vec![cuboid()], objects, &camera, extent)
 }
 
@@ -229,7 +235,7 @@ fn knot(count: u32, extent: Extent) -> Model {
     });
     let object =
         Object { mesh: 0, model: Mat4::IDENTITY, tint: [0.9, 0.7, 0.5], kind: Kind::Solid };
-    let camera = Camera::look_at(Vec3::new(0.0, 0.3, 4.6), Vec3::ZERO, Vec3::Y, 0.8);
+    let camera = look_at(Vec3::new(0.0, 0.3, 4.6), Vec3::ZERO, 0.8);
     seen(vec![mesh], vec![object], &camera, extent)
 }
 
@@ -257,13 +263,13 @@ fn rippled(count: u32, ripple: f32) -> Mesh {
 fn ball(count: u32, extent: Extent) -> Model {
     let object =
         Object { mesh: 0, model: Mat4::IDENTITY, tint: [0.6, 0.8, 0.9], kind: Kind::Solid };
-    let camera = Camera::look_at(Vec3::new(0.0, 0.8, 2.9), Vec3::ZERO, Vec3::Y, 0.8);
+    let camera = look_at(Vec3::new(0.0, 0.8, 2.9), Vec3::ZERO, 0.8);
     seen(vec![rippled(count, 0.04)], vec![object], &camera, extent)
 }
 
 /// `draws` balls, all of `count` triangles together, in the view and partly behind one another.
 fn crowd(count: u32, draws: u32, extent: Extent) -> Model {
-    let camera = Camera::look_at(Vec3::new(0.0, 0.0, 10.0), Vec3::ZERO, Vec3::Y, 0.8);
+    let camera = look_at(Vec3::new(0.0, 0.0, 10.0), Vec3::ZERO, 0.8);
     let mut random = Random(11);
     // Whatever their number, they cover the screen about three times.
     let radius = 10.0 / (draws as f32).sqrt();
@@ -344,6 +350,6 @@ fn leaves(count: u32, extent: Extent) -> Model {
         Object { mesh: 0, model, tint: [0.55, 0.5, 0.4], kind: Kind::Open },
         Object { mesh: 1, model, tint: green, kind: Kind::Leaf },
     ];
-    let camera = Camera::look_at(eye, Vec3::new(0.0, -0.4, 0.0), Vec3::Y, 0.8);
+    let camera = look_at(eye, Vec3::new(0.0, -0.4, 0.0), 0.8);
     seen(vec![lawn, foliage], objects, &camera, extent)
 }

@@ -270,13 +270,13 @@ pub struct ViewArgs {
     pub up: Option<Vec3>,
     /// Vertical field of view [default: the camera's, or 45]
     #[arg(long, value_name = "DEGREES", value_parser = parse_fov, allow_hyphen_values = true)]
-    pub fov: Option<f32>,
+    pub fov: Option<f64>,
     /// Colour behind everything, as sRGB [default: the scene's]
     #[arg(long, value_name = "RRGGBB[AA]", value_parser = parse_background)]
     pub background: Option<[u8; 4]>,
     /// Time at which animations are evaluated [default: the rest pose]
     #[arg(long, value_name = "SECONDS", value_parser = parse_time, allow_hyphen_values = true)]
-    pub time: Option<f32>,
+    pub time: Option<f64>,
 }
 
 /// Which device. There is no fall-back: what is asked for is used, or the run ends with code 3.
@@ -327,9 +327,9 @@ impl Backend {
     }
 }
 
-/// Three numbers. A type of its own, because clap reads a `[f32; 3]` as three values.
+/// Three numbers. A type of its own, because clap reads a `[f64; 3]` as three values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Vec3(pub [f32; 3]);
+pub struct Vec3(pub [f64; 3]);
 
 /// Pixels in each direction that a [`Pass`](crate::pass::Pass) can have.
 const MAX_SIDE_PX: u32 = 16384;
@@ -342,20 +342,20 @@ pub fn parse_size(text: &str) -> Result<Extent, String> {
 }
 
 fn parse_vec3(text: &str) -> Result<Vec3, String> {
-    let numbers: Option<Vec<f32>> = text.split(',').map(parse_finite).collect();
+    let numbers: Option<Vec<f64>> = text.split(',').map(parse_finite).collect();
     numbers
         .and_then(|numbers| numbers.try_into().ok())
         .map(Vec3)
         .ok_or_else(|| "expected three numbers X,Y,Z, like 0,1.5,-4".into())
 }
 
-fn parse_fov(text: &str) -> Result<f32, String> {
+fn parse_fov(text: &str) -> Result<f64, String> {
     parse_finite(text)
         .filter(|&degrees| degrees > 0.0 && degrees < 180.0)
         .ok_or_else(|| "expected degrees between 0 and 180, like 60".into())
 }
 
-fn parse_time(text: &str) -> Result<f32, String> {
+fn parse_time(text: &str) -> Result<f64, String> {
     parse_finite(text)
         .filter(|&seconds| seconds >= 0.0)
         .ok_or_else(|| "expected seconds, 0 or more, like 1.5".into())
@@ -375,12 +375,13 @@ fn parse_timeout(text: &str) -> Result<Seconds, String> {
 
 fn parse_budget(text: &str) -> Result<f32, String> {
     parse_finite(text)
-        .filter(|&seconds| seconds > 0.0)
+        .map(|seconds| seconds as f32)
+        .filter(|&seconds| seconds > 0.0 && seconds.is_finite())
         .ok_or_else(|| "expected seconds, more than 0, like 60".into())
 }
 
-fn parse_finite(text: &str) -> Option<f32> {
-    text.trim().parse().ok().filter(|number: &f32| number.is_finite())
+fn parse_finite(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|number: &f64| number.is_finite())
 }
 
 fn parse_background(text: &str) -> Result<[u8; 4], String> {

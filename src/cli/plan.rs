@@ -40,11 +40,11 @@ pub enum CameraChoice {
     /// One that was given on the command line.
     LookAt {
         /// Where it is.
-        eye: [f32; 3],
+        eye: [f64; 3],
         /// What it looks at.
-        target: [f32; 3],
+        target: [f64; 3],
         /// Which way is up.
-        up: [f32; 3],
+        up: [f64; 3],
     },
 }
 
@@ -58,11 +58,11 @@ pub struct View {
     /// The camera.
     pub camera: CameraChoice,
     /// Vertical field of view in degrees, if it is not the camera's own.
-    pub fov: Option<f32>,
+    pub fov: Option<f64>,
     /// Colour behind everything, sRGB, if it is not the scene's own.
     pub background: Option<[u8; 4]>,
     /// Seconds at which animations are evaluated; `None` is the rest pose.
-    pub time: Option<f32>,
+    pub time: Option<f64>,
 }
 
 /// `tilewright render`.
@@ -161,15 +161,15 @@ impl View {
 
 fn look_at(Vec3(eye): Vec3, Vec3(target): Vec3, up: Option<Vec3>) -> Result<CameraChoice> {
     let up = up.map_or([0.0, 1.0, 0.0], |Vec3(up)| up);
-    let [eye_v, target_v, up_v] = [eye, target, up].map(glam::Vec3::from);
+    let [eye_v, target_v, up_v] = [eye, target, up].map(glam::DVec3::from);
     let forward = target_v - eye_v;
-    if forward == glam::Vec3::ZERO {
+    if forward == glam::DVec3::ZERO {
         return Err(Error::Usage("--eye and --target are the same point".into()));
     }
     let Some(forward) = forward.try_normalize() else {
         return Err(Error::Usage(
-            "--eye and --target are too close or too far apart for single precision: a distance \
-             between 1e-18 and 1e18 is possible"
+            "--eye and --target are too close or too far apart: a distance between 1e-150 and 1e150 \
+             is possible"
                 .into(),
         ));
     };
@@ -270,7 +270,7 @@ mod tests {
         for (line, reason) in [
             (["1,2,3", "1,2,3", "0,1,0"], "same point"),
             (["0,9,0", "0,0,0", "0,1,0"], "along its up"),
-            (["1e30,0,0", "0,0,0", "0,1,0"], "too far apart"),
+            (["1e200,0,0", "0,0,0", "0,1,0"], "too far apart"),
             (["0,0,9", "0,0,0", "0,0,0"], "--up has no length"),
         ] {
             let [eye, target, up] = line;

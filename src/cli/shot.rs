@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// Vertical field of view of a camera that is given by `--eye` and `--target`, in degrees.
-const DEFAULT_FOV: f32 = 45.0;
+const DEFAULT_FOV: f64 = 45.0;
 
 /// A scene as one camera sees it.
 pub struct Shot {
@@ -76,7 +76,7 @@ fn camera(scene: &Scene, view: &View) -> Result<Camera> {
         CameraChoice::Default => scene.default_camera(view.extent),
         CameraChoice::Named(name) => named(scene, name)?,
         CameraChoice::LookAt { eye, target, up } => {
-            let [eye, target, up] = [*eye, *target, *up].map(glam::Vec3::from);
+            let [eye, target, up] = [*eye, *target, *up].map(glam::DVec3::from);
             scene.camera_at(eye, target, up, DEFAULT_FOV.to_radians())
         }
     };

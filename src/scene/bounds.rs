@@ -1,23 +1,24 @@
-//! Axis-aligned boxes and the view frustum: what culling and framing stand on.
+//! Axis-aligned boxes and the view frustum: what culling and framing stand on. In double precision:
+//! scenes may be as small as a molecule, and as far from the origin as a map's are.
 
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DMat4, DVec3, DVec4};
 
 /// An axis-aligned box. The empty box has `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Smallest corner.
-    pub min: Vec3,
+    pub min: DVec3,
     /// Largest corner.
-    pub max: Vec3,
+    pub max: DVec3,
 }
 
 impl Bounds {
     /// The box of nothing: the neutral element of [`Bounds::union`].
     pub const EMPTY: Self =
-        Self { min: Vec3::splat(f32::INFINITY), max: Vec3::splat(f32::NEG_INFINITY) };
+        Self { min: DVec3::splat(f64::INFINITY), max: DVec3::splat(f64::NEG_INFINITY) };
 
     /// The box of `points`; those without a [place](Bounds::is_placed) are left out.
-    pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
+    pub fn of(points: impl IntoIterator<Item = DVec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| if placed(p) { b.with(p) } else { b })
     }
 
@@ -32,7 +33,7 @@ impl Bounds {
     }
 
     /// The smallest box with `point` in it.
-    pub fn with(self, point: Vec3) -> Self {
+    pub fn with(self, point: DVec3) -> Self {
         Self { min: self.min.min(point), max: self.max.max(point) }
     }
 
@@ -42,19 +43,19 @@ impl Bounds {
     }
 
     /// The middle.
-    pub fn center(&self) -> Vec3 {
+    pub fn center(&self) -> DVec3 {
         (self.min + self.max) * 0.5
     }
 
     /// Half the diagonal: the radius of the sphere around the box. 0 if empty.
-    pub fn radius(&self) -> f32 {
+    pub fn radius(&self) -> f64 {
         if self.is_empty() { 0.0 } else { (self.max - self.min).length() * 0.5 }
     }
 
     /// The eight corners.
-    pub fn corners(&self) -> [Vec3; 8] {
+    pub fn corners(&self) -> [DVec3; 8] {
         std::array::from_fn(|i| {
-            Vec3::new(
+            DVec3::new(
                 if i & 1 == 0 { self.min.x } else { self.max.x },
                 if i & 2 == 0 { self.min.y } else { self.max.y },
                 if i & 4 == 0 { self.min.z } else { self.max.z },
@@ -66,7 +67,7 @@ impl Bounds {
     ///
     /// Center and half extent are transformed (the extent by the absolute matrix), which equals the
     /// box of the eight transformed corners at a third of the work.
-    pub fn transformed(&self, transform: &Mat4) -> Self {
+    pub fn transformed(&self, transform: &DMat4) -> Self {
         if self.is_empty() {
             return Self::EMPTY;
         }
@@ -80,8 +81,8 @@ impl Bounds {
 }
 
 /// Squares of coordinates below this are finite.
-fn placed(p: Vec3) -> bool {
-    p.abs().cmplt(Vec3::splat(1e18)).all()
+fn placed(p: DVec3) -> bool {
+    p.abs().cmplt(DVec3::splat(1e150)).all()
 }
 
 /// Where a box lies in relation to a [`Frustum`].
@@ -98,7 +99,7 @@ pub enum Containment {
 /// The visible part of space, as planes whose positive side is inside.
 #[derive(Clone, Debug)]
 pub struct Frustum {
-    planes: [Vec4; 6],
+    planes: [DVec4; 6],
 }
 
 impl Frustum {
@@ -106,7 +107,7 @@ impl Frustum {
     ///
     /// Each plane is a sum of rows of the matrix (Gribb and Hartmann 2001). The far plane of an
     /// infinite projection comes out as a plane that everything is inside of.
-    pub fn new(view_projection: &Mat4) -> Self {
+    pub fn new(view_projection: &DMat4) -> Self {
         let [x, y, z, w] = [0, 1, 2, 3].map(|i| view_projection.row(i));
         Self { planes: [w + x, w - x, w + y, w - y, z, w - z] }
     }
@@ -123,8 +124,10 @@ impl Frustum {
             let normal = plane.truncate();
             let distance = normal.dot(center) + plane.w;
             let reach = normal.abs().dot(half);
-            // The sums round: a box that touches a plane from outside is kept.
-            let slack = 1e-5 * (reach + normal.abs().dot(center.abs()) + plane.w.abs());
+            // Shaders place vertices in single precision, and the sums here round in double precision:
+            // a box that touches a plane from outside is kept.
+            let slack = 1e-5 * (reach + distance.abs())
+                + 1e-12 * (normal.abs().dot(center.abs()) + plane.w.abs());
             if distance + reach < -slack {
                 return Containment::Outside;
             }
@@ -143,11 +146,11 @@ mod tests {
 
     #[test]
     fn transformed_box_is_the_box_of_the_transformed_corners() {
-        let b = Bounds { min: Vec3::new(-1.0, 2.0, 3.0), max: Vec3::new(4.0, 5.0, 9.0) };
-        let m = Mat4::from_scale_rotation_translation(
-            Vec3::new(2.0, -3.0, 0.5),
-            glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -2.0),
-            Vec3::new(5.0, 6.0, 7.0),
+        let b = Bounds { min: DVec3::new(-1.0, 2.0, 3.0), max: DVec3::new(4.0, 5.0, 9.0) };
+        let m = DMat4::from_scale_rotation_translation(
+            DVec3::new(2.0, -3.0, 0.5),
+            glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -2.0),
+            DVec3::new(5.0, 6.0, 7.0),
         );
         let want = Bounds::of(b.corners().map(|c| m.transform_point3(c)));
         let got = b.transformed(&m);
@@ -157,22 +160,22 @@ mod tests {
     #[test]
     fn empty_stays_empty() {
         assert!(Bounds::EMPTY.is_empty());
-        assert!(Bounds::EMPTY.transformed(&Mat4::from_scale(Vec3::splat(2.0))).is_empty());
-        assert!(Bounds::of([Vec3::NAN, Vec3::INFINITY]).is_empty());
+        assert!(Bounds::EMPTY.transformed(&DMat4::from_scale(DVec3::splat(2.0))).is_empty());
+        assert!(Bounds::of([DVec3::NAN, DVec3::INFINITY]).is_empty());
     }
 
     #[test]
     fn frustum_never_rejects_what_projects_into_the_view() {
-        let camera = Camera::look_at(Vec3::new(1.0, 2.0, 6.0), Vec3::ZERO, Vec3::Y, 0.9);
+        let camera = Camera::look_at(DVec3::new(1.0, 2.0, 6.0), DVec3::ZERO, DVec3::Y, 0.9);
         let matrix = camera.view_projection(Extent::new(160, 90));
         let frustum = Frustum::new(&matrix);
         let (mut inside, mut outside) = (0, 0);
         for i in 0..4000u32 {
             // A low-discrepancy walk through a cube around the view.
-            let f = |k: f32| ((i as f32 * k).fract() - 0.5) * 16.0;
-            let min = Vec3::new(f(0.754_877_7), f(0.569_840_3), f(0.362_437_04));
-            let b = Bounds { min, max: min + Vec3::splat(0.7) };
-            let visible = |p: Vec3| {
+            let f = |k: f64| ((i as f64 * k).fract() - 0.5) * 16.0;
+            let min = DVec3::new(f(0.754_877_7), f(0.569_840_3), f(0.362_437_04));
+            let b = Bounds { min, max: min + DVec3::splat(0.7) };
+            let visible = |p: DVec3| {
                 let c = matrix * p.extend(1.0);
                 c.w > 0.0 && c.x.abs() <= c.w && c.y.abs() <= c.w && c.z >= 0.0 && c.z <= c.w
             };

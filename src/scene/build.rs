@@ -2,11 +2,13 @@
 
 use super::{
     Scene,
+    anchor::Anchor,
     bounds::Bounds,
     camera::Camera,
     light::Light,
     material::{AlphaMode, Material, binding_sets},
     mesh::Mesh,
+    place::{CullNode, Placer},
     shading::{self, Shaders},
     store::{Slice, Store},
     texture::{ColorSpace, with_mips},
@@ -18,10 +20,9 @@ use crate::{
     state::{Blend, Cull, DepthState, FrontFace, Topology},
     texture::Texture,
 };
-use glam::{Mat3, Mat4, Vec4};
+use glam::DMat4;
 use std::{
     collections::HashMap,
-    ops::Range,
     sync::{
         Arc, Mutex,
         atomic::{AtomicU64, Ordering},
@@ -58,6 +59,8 @@ pub(super) struct Part {
     pub count: u32,
     /// Number of the material.
     pub material: usize,
+    /// Where the stored positions lie in the part's own space.
+    pub anchor: Anchor,
     /// In the part's own space.
     pub bounds: Bounds,
 }
@@ -68,38 +71,13 @@ pub(super) struct Node {
     /// Number of the parent, which comes before its children.
     pub parent: Option<usize>,
     /// To the parent's space.
-    pub local: Mat4,
+    pub local: DMat4,
     /// Numbers of parts.
     pub parts: Vec<usize>,
     /// Matrices to the node's space; `None` draws once.
-    pub instances: Option<Vec<Mat4>>,
+    pub instances: Option<Vec<DMat4>>,
     /// Its parts lie in the world already: joints have placed them.
     pub in_world: bool,
-}
-
-/// A node as culling walks it: subtrees are contiguous, so that skipping one is one assignment.
-#[derive(Clone, Debug)]
-pub(super) struct CullNode {
-    /// Number of the first node after the subtree.
-    pub end: usize,
-    /// World bounds of the subtree.
-    pub bounds: Bounds,
-    /// Its own items.
-    pub items: Range<usize>,
-}
-
-/// One draw of the scene.
-#[derive(Clone, Debug)]
-pub(super) struct Item {
-    pub part: usize,
-    pub pipeline: usize,
-    /// To the world, and for normals.
-    pub model: Mat4,
-    pub normal: Mat3,
-    /// In the world, all instances together.
-    pub bounds: Bounds,
-    /// Instance rows and their number; `None` is a single identity.
-    pub instances: Option<(Slice, u32)>,
 }
 
 /// A file with thousands of faults is told of the first.
@@ -170,8 +148,8 @@ impl Builder {
             None => None,
         };
         let count = mesh.indices.as_ref().map_or(mesh.positions.len(), Vec::len) as u32;
-        let (topology, bounds) = (mesh.topology, mesh.bounds());
-        self.parts.push(Part { topology, streams, indices, count, material, bounds });
+        let (topology, anchor, bounds) = (mesh.topology, mesh.anchor, mesh.bounds());
+        self.parts.push(Part { topology, streams, indices, count, material, anchor, bounds });
         Ok(self.parts.len() - 1)
     }
 
@@ -180,7 +158,7 @@ impl Builder {
         &mut self,
         mesh: &Mesh,
         material: usize,
-        local: Mat4,
+        local: DMat4,
     ) -> std::result::Result<(), String> {
         let parts = vec![self.mesh(mesh, material)?];
         self.nodes.push(Node { local, parts, ..Node::default() });
@@ -196,7 +174,14 @@ impl Builder {
         let mut pipelines =
             Pipelines { shaders: &shaders, made: Vec::new(), by_key: HashMap::new() };
         let constants = self.store.push(bytemuck::cast_slice(&CONSTANTS)).map_err(Fault::Input)?;
-        let (nodes, items) = self.items(&mut pipelines).map_err(Fault::Input)?;
+        let placer = Placer {
+            nodes: &self.nodes,
+            parts: &self.parts,
+            materials: &self.materials,
+            store: &mut self.store,
+            pipelines: &mut pipelines,
+        };
+        let (nodes, items) = placer.place().map_err(Fault::Input)?;
         let textures = self.decode_textures();
         let white =
             Arc::new(with_mips("white", Extent::new(1, 1), vec![255; 4], ColorSpace::Linear));
@@ -221,82 +206,6 @@ impl Builder {
             sets,
             blended,
         })
-    }
-
-    /// Resolves the hierarchy to draws and to bounds that culling can walk.
-    fn items(
-        &mut self,
-        pipelines: &mut Pipelines,
-    ) -> std::result::Result<(Vec<CullNode>, Vec<Item>), String> {
-        let (mut nodes, mut items) = (Vec::with_capacity(self.nodes.len()), Vec::new());
-        let mut worlds: Vec<Mat4> = Vec::with_capacity(self.nodes.len());
-        for (i, node) in self.nodes.iter().enumerate() {
-            let world = node.parent.map_or(node.local, |p| worlds[p] * node.local);
-            worlds.push(world);
-            let world = if node.in_world { Mat4::IDENTITY } else { world };
-            let first = items.len();
-            // Mirrored instances have their front on the other side: they are a draw of their own.
-            let groups = node.instances.as_ref().map(|all| {
-                let (mirrored, plain): (Vec<Mat4>, Vec<Mat4>) =
-                    all.iter().partition(|m| m.determinant() < 0.0);
-                [plain, mirrored]
-            });
-            let mut slices = [None, None];
-            if let Some(groups) = &groups {
-                for (slice, group) in slices.iter_mut().zip(groups) {
-                    let rows: Vec<[Vec4; 3]> =
-                        group.iter().map(|m| [m.row(0), m.row(1), m.row(2)]).collect();
-                    if !rows.is_empty() {
-                        let bytes: &[u8] = bytemuck::cast_slice(rows.as_flattened());
-                        *slice = Some((self.store.push(bytes)?, rows.len() as u32));
-                    }
-                }
-            }
-            for &part in &node.parts {
-                let mut add = |bounds, instances, mirrored| {
-                    let drawn = &self.parts[part];
-                    let flipped = (world.determinant() < 0.0) != mirrored;
-                    items.push(Item {
-                        part,
-                        pipeline: pipelines.get(drawn, &self.materials[drawn.material], flipped),
-                        model: world,
-                        normal: normal_matrix(&world),
-                        bounds,
-                        instances,
-                    });
-                };
-                let own = self.parts[part].bounds;
-                match &groups {
-                    None => add(own.transformed(&world), None, false),
-                    Some(groups) => {
-                        for (g, group) in groups.iter().enumerate() {
-                            let bounds = group.iter().fold(Bounds::EMPTY, |b, m| {
-                                b.union(own.transformed(&(world * *m)))
-                            });
-                            if slices[g].is_some() {
-                                add(bounds, slices[g], g == 1);
-                            }
-                        }
-                    }
-                }
-            }
-            // What lies nowhere is never drawn, and does not push the rest out of view.
-            for item in items[first..].iter_mut().filter(|item| !item.bounds.is_placed()) {
-                item.bounds = Bounds::EMPTY;
-            }
-            let bounds = items[first..].iter().fold(Bounds::EMPTY, |b, item| b.union(item.bounds));
-            nodes.push(CullNode { end: i + 1, bounds, items: first..items.len() });
-        }
-        // Children come after their parents, so one sweep from the back sees each subtree whole.
-        for i in (0..nodes.len()).rev() {
-            if let Some(parent) = self.nodes[i].parent {
-                let CullNode { end, bounds, .. } = nodes[i];
-                let parent: &mut CullNode = &mut nodes[parent];
-                parent.end = parent.end.max(end);
-                parent.bounds = parent.bounds.union(bounds);
-            }
-        }
-        Ok((nodes, items))
     }
 
     /// Decodes all textures on as many threads as the machine has; one that fails becomes white
@@ -358,15 +267,6 @@ impl From<crate::Error> for Fault {
     }
 }
 
-/// The matrix for normals: the cofactors of the upper 3x3. Unlike the inverse transpose it exists
-/// for flat scales too; the two differ by a factor, which normalizing removes, and by the sign of
-/// the determinant, which is put back.
-fn normal_matrix(m: &Mat4) -> Mat3 {
-    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(Vec4::truncate);
-    let cofactors = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
-    if m.determinant() < 0.0 { cofactors * -1.0 } else { cofactors }
-}
-
 /// What attributes that a part does not have read, and the identity instance; every element lies
 /// at `location * 16`.
 #[rustfmt::skip]
@@ -379,7 +279,7 @@ const CONSTANTS: [[f32; 4]; STREAMS + INSTANCE_ROWS] = [
 pub(super) const INSTANCE_BYTES: usize = INSTANCE_ROWS * 16;
 
 /// Pipelines of a scene, each made once.
-struct Pipelines<'a> {
+pub(super) struct Pipelines<'a> {
     shaders: &'a Shaders,
     made: Vec<Arc<Pipeline>>,
     by_key: HashMap<Key, usize>,
@@ -396,7 +296,7 @@ struct Key {
 }
 
 impl Pipelines<'_> {
-    fn get(&mut self, part: &Part, material: &Material, mirrored: bool) -> usize {
+    pub fn get(&mut self, part: &Part, material: &Material, mirrored: bool) -> usize {
         let key = Key {
             layout: part.streams.map(|s| s.map(|s| (s.format, s.stride))),
             topology: part.topology,

@@ -8,7 +8,7 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions {
     /// The moment of the file's animations in seconds; `None` is the rest pose.
-    pub time: Option<f32>,
+    pub time: Option<f64>,
 }
 
 impl Scene {

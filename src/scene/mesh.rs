@@ -3,15 +3,17 @@
 //! A [`Mesh`] is on its way to a [`Part`](super::build::Part): missing normals and tangents are
 //! made here, so that shaders never have to guess.
 
-use super::{bounds::Bounds, hash::BitMap};
+use super::{anchor::Anchor, bounds::Bounds, hash::BitMap};
 use crate::state::Topology;
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// Vertices and indices in one canonical form.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mesh {
     pub topology: Topology,
+    /// Where the positions lie in the mesh's space.
+    pub anchor: Anchor,
     pub positions: Vec<Vec3>,
     /// As many as positions, or empty.
     pub normals: Vec<Vec3>,
@@ -26,8 +28,27 @@ pub(super) struct Mesh {
 }
 
 impl Mesh {
+    /// In the mesh's space.
     pub fn bounds(&self) -> Bounds {
-        Bounds::of(self.positions.iter().copied())
+        Bounds::of(self.positions.iter().map(|&p| self.anchor.place(p)))
+    }
+
+    /// Takes `positions`, which are in the mesh's space, around an anchor that suits them.
+    pub fn set_positions(&mut self, positions: &[DVec3]) {
+        self.anchor = Anchor::of(&Bounds::of(positions.iter().copied()));
+        self.positions = positions.iter().map(|&p| self.anchor.store(p)).collect();
+    }
+
+    /// Stores the positions around an anchor that suits them. Normals and tangents are made after
+    /// this: in single precision they get lost for very small and very large meshes.
+    pub fn settle(&mut self) {
+        let anchor = Anchor::of(&self.bounds());
+        if anchor != self.anchor {
+            for p in &mut self.positions {
+                *p = anchor.store(self.anchor.place(*p));
+            }
+            self.anchor = anchor;
+        }
     }
 
     /// The corners of all triangles as vertex numbers, in the winding that the topology gives.

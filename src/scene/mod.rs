@@ -12,9 +12,11 @@
 //! rest still right is a [warning](Scene::warnings).
 //!
 //! Code map: `gltf` and `obj` describe a file to `build`, which keeps geometry in `store`,
-//! materials by `material`, textures by `texture` and the hierarchy by `bounds`; `mesh` completes
-//! what files leave out; `pass` culls, sorts and draws; `builtin` needs no file.
+//! materials by `material` and textures by `texture`; `place` turns the hierarchy into draws, in the
+//! double precision of `anchor` and `bounds`; `mesh` completes what files leave out; `pass` culls,
+//! sorts and draws; `builtin` needs no file.
 
+mod anchor;
 mod bounds;
 mod build;
 mod builtin;
@@ -28,6 +30,7 @@ mod material;
 mod mesh;
 mod obj;
 mod pass;
+mod place;
 mod shading;
 mod store;
 mod texture;
@@ -55,8 +58,8 @@ pub struct Scene {
     /// What missing attributes read.
     constants: store::Slice,
     parts: Vec<build::Part>,
-    nodes: Vec<build::CullNode>,
-    items: Vec<build::Item>,
+    nodes: Vec<place::CullNode>,
+    items: Vec<place::Item>,
     /// By material.
     sets: Vec<Arc<BindingSet>>,
     /// Whether it blends, by material.
@@ -96,7 +99,7 @@ impl Scene {
 
     /// Triangles of all draws, instances included.
     pub fn triangles(&self) -> u64 {
-        let of = |item: &build::Item| {
+        let of = |item: &place::Item| {
             let part = &self.parts[item.part];
             let instances = item.instances.map_or(1, |(_, count)| u64::from(count));
             u64::from(part.topology.primitives(part.count)) * instances

@@ -2,9 +2,11 @@
 
 use super::{
     Scene,
+    anchor::power_of_two,
     bounds::{Bounds, Containment, Frustum},
-    build::{COLOR, INSTANCE_BYTES, Item, POSITION},
-    camera::Camera,
+    build::{COLOR, INSTANCE_BYTES, POSITION},
+    camera::{Camera, Projection},
+    place::Item,
     shading,
 };
 use crate::{
@@ -14,7 +16,7 @@ use crate::{
     pass::{BindingSet, BufferRange, Draw, Indices, Pass},
     target::{ColorTarget, DepthTarget},
 };
-use glam::Vec3;
+use glam::{DMat4, DVec3};
 use std::sync::Arc;
 
 /// What a pass of a scene can be asked for beyond its size and camera.
@@ -65,7 +67,10 @@ impl Scene {
             false => (0..self.items.len()).collect(),
         };
         let frame = shading::frame_set(camera, extent, &self.light);
-        let draws = self.in_order(visible, camera).map(|i| self.draw(&self.items[i], &frame));
+        let to_clip = matrix * self.clip_unit(camera);
+        let draws = self
+            .in_order(visible, camera)
+            .filter_map(|i| self.draw(&self.items[i], &to_clip, &frame));
         let own = || self.light.background.extend(1.0).to_array();
         let [r, g, b, a] = options.background.unwrap_or_else(own);
         Ok(Pass {
@@ -76,6 +81,17 @@ impl Scene {
             draws: draws.collect(),
             pipelines: self.pipelines.clone(),
         })
+    }
+
+    /// A power of two that clip space is scaled by, which changes no picture: it brings the largest w
+    /// that is seen near 1, whatever the unit of the scene is. Single precision ends at 1e38, and the
+    /// stages multiply.
+    fn clip_unit(&self, camera: &Camera) -> f64 {
+        let Projection::Perspective { near, far, .. } = camera.projection else { return 1.0 };
+        let depth = |corner| -camera.view.transform_point3(corner).z;
+        let corners = self.bounds.corners().into_iter().filter(|_| !self.bounds.is_empty());
+        let farthest = corners.map(depth).fold(near, f64::max);
+        1.0 / power_of_two(farthest.min(far.unwrap_or(f64::INFINITY)))
     }
 
     /// The numbers of items that may be visible: a walk of the hierarchy that passes over subtrees
@@ -116,8 +132,13 @@ impl Scene {
         opaque.into_iter().chain(blended).map(|(_, _, i)| i)
     }
 
-    fn draw(&self, item: &Item, frame: &Arc<BindingSet>) -> Draw {
+    /// The draw of `item`; `None` if it is so far beyond the view that single precision ends before.
+    fn draw(&self, item: &Item, to_clip: &DMat4, frame: &Arc<BindingSet>) -> Option<Draw> {
         let part = &self.parts[item.part];
+        let clip = (*to_clip * item.model).as_mat4();
+        if !clip.is_finite() {
+            return None;
+        }
         let constant = |location: usize, bytes| -> BufferRange {
             self.constants.part(location * 16, bytes).range(&self.chunks)
         };
@@ -135,20 +156,20 @@ impl Scene {
             None => constant(COLOR + 1, INSTANCE_BYTES),
         });
         debug_assert!(part.streams[POSITION].is_some());
-        Draw {
+        Some(Draw {
             sets: vec![frame.clone(), self.sets[part.material].clone()],
-            push_constants: shading::push_constants(&item.model, &item.normal),
+            push_constants: shading::push_constants(clip, &item.model, item.mirrored),
             vertex_buffers,
             indices: part
                 .indices
                 .map(|(slice, format)| Indices { range: slice.range(&self.chunks), format }),
             instances: item.instances.map_or(1, |(_, count)| count),
             ..Draw::new(item.pipeline, part.count)
-        }
+        })
     }
 
     /// A camera at `eye` that looks at `target`, with near and far plane around this scene.
-    pub fn camera_at(&self, eye: Vec3, target: Vec3, up: Vec3, yfov: f32) -> Camera {
+    pub fn camera_at(&self, eye: DVec3, target: DVec3, up: DVec3, yfov: f64) -> Camera {
         let mut camera = Camera::look_at(eye, target, up, yfov);
         camera.fit_depth(&self.bounds);
         camera
@@ -156,7 +177,7 @@ impl Scene {
 
     /// The scene's first camera, or one that shows all of it from the front and a little above.
     pub fn default_camera(&self, extent: Extent) -> Camera {
-        let framing = || Camera::framing(&self.bounds, Vec3::new(0.45, 0.35, 1.0), 0.6, extent);
+        let framing = || Camera::framing(&self.bounds, DVec3::new(0.45, 0.35, 1.0), 0.6, extent);
         self.cameras.first().cloned().unwrap_or_else(framing)
     }
 }

@@ -5,14 +5,18 @@
 //! All else that varies between materials is a flag in the material's block: a specialization
 //! constant would be another pipeline to compile for a branch that every quad takes alike.
 
-use super::{camera::Camera, light::Light};
+use super::{
+    camera::{Camera, Projection},
+    light::Light,
+    place::direction_matrix,
+};
 use crate::{
     Result,
     image::Extent,
     pass::{Binding, BindingEntry, BindingSet, Buffer, BufferRange},
     shader::{Shader, Stage},
 };
-use glam::{Mat3, Mat4};
+use glam::{DMat4, DVec3, Mat4};
 use std::sync::{Arc, OnceLock};
 
 /// The modules, shared by all scenes of a process.
@@ -42,15 +46,14 @@ pub(super) fn shaders() -> Result<Shaders> {
     Ok(MADE.get_or_init(|| made).clone())
 }
 
-/// `Frame` of both shaders, in std140: a matrix and vectors of four only.
+/// `Frame` of both shaders, in std140: vectors of four only.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Frame {
-    view_projection: Mat4,
-    /// w: 1 if the view is a perspective
-    eye: [f32; 4],
-    /// From the scene to the viewer.
-    backward: [f32; 4],
+    /// Columns of the matrix from x, y and w of clip space to the direction towards the viewer.
+    to_viewer_x: [f32; 4],
+    to_viewer_y: [f32; 4],
+    to_viewer_w: [f32; 4],
     key_direction: [f32; 4],
     key_color: [f32; 4],
     sky: [f32; 4],
@@ -60,11 +63,19 @@ struct Frame {
 
 /// The descriptor set 0 of a pass.
 pub(super) fn frame_set(camera: &Camera, extent: Extent, light: &Light) -> Arc<BindingSet> {
-    let perspective = matches!(camera.projection, super::Projection::Perspective { .. });
+    let projection = camera.projection.matrix(f64::from(extent.width) / f64::from(extent.height));
+    // The rows of the view are the camera's axes in the world. With a perspective, x and y of clip
+    // space are those of the view times a factor, and w is how far in front a place is.
+    let [right, up, backward] = [0, 1, 2].map(|i| camera.view.row(i).truncate());
+    let [x, y] = match camera.projection {
+        Projection::Perspective { .. } => [-right / projection.x_axis.x, -up / projection.y_axis.y],
+        Projection::Orthographic { .. } => [DVec3::ZERO; 2],
+    };
+    let column = |v: DVec3| v.as_vec3().extend(0.0).to_array();
     let frame = Frame {
-        view_projection: camera.view_projection(extent),
-        eye: camera.eye().extend(f32::from(u8::from(perspective))).to_array(),
-        backward: camera.backward().extend(0.0).to_array(),
+        to_viewer_x: column(x),
+        to_viewer_y: column(y),
+        to_viewer_w: column(backward),
         key_direction: light.key_direction.extend(0.0).to_array(),
         key_color: light.key_color.extend(0.0).to_array(),
         sky: light.sky.extend(0.0).to_array(),
@@ -81,23 +92,26 @@ pub(super) fn frame_set(camera: &Camera, extent: Extent, light: &Light) -> Arc<B
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Draw {
-    model: Mat4,
-    /// Columns of the matrix for normals; w tells whether the model mirrors, which turns bitangents
-    /// round.
-    normal_x: [f32; 4],
-    normal_y: [f32; 4],
-    normal_z: [f32; 4],
+    /// From the draw's space to clip space in one step: each component is rounded once, and what
+    /// cancels between model, view and projection has cancelled in double precision.
+    clip: Mat4,
+    /// Columns of the matrix that turns directions to the world; w of the first is -1 if the draw is
+    /// mirrored, its instances included, and 1 otherwise.
+    model_x: [f32; 4],
+    model_y: [f32; 4],
+    model_z: [f32; 4],
 }
 
 // What every device has for push constants.
 const _: () = assert!(size_of::<Draw>() <= 128);
 
-/// The push constants of a draw.
-pub(super) fn push_constants(model: &Mat4, normal: &Mat3) -> Vec<u8> {
-    let mirror = if model.determinant() < 0.0 { -1.0 } else { 1.0 };
-    let [normal_x, normal_y, normal_z] =
-        [normal.x_axis, normal.y_axis, normal.z_axis].map(|c| c.extend(mirror).to_array());
-    bytemuck::bytes_of(&Draw { model: *model, normal_x, normal_y, normal_z }).to_vec()
+/// The push constants of a draw; `clip` and `model` lead to clip space and to the world.
+pub(super) fn push_constants(clip: Mat4, model: &DMat4, mirrored: bool) -> Vec<u8> {
+    let turn = direction_matrix(model);
+    let hand = if mirrored { -1.0 } else { 1.0 };
+    let [model_x, model_y, model_z] =
+        [turn.x_axis, turn.y_axis, turn.z_axis].map(|c| c.as_vec3().extend(hand).to_array());
+    bytemuck::bytes_of(&Draw { clip, model_x, model_y, model_z }).to_vec()
 }
 
 #[cfg(test)]
@@ -158,8 +172,8 @@ mod tests {
             };
         }
         same!([&vertex, &fragment, &mask], "Frame", Frame:
-            view_projection eye backward key_direction key_color sky horizon ground);
+            to_viewer_x to_viewer_y to_viewer_w key_direction key_color sky horizon ground);
         same!([&fragment, &mask], "Material", Block: base_color emissive surface flags uv_rows);
-        same!([&vertex], "Draw", Draw: model normal_x normal_y normal_z);
+        same!([&vertex], "Draw", Draw: clip model_x model_y model_z);
     }
 }

@@ -1,13 +1,13 @@
 //! Small files written on the spot: each shows one rule of a format, by what the pass holds.
 
 use super::check;
-use glam::{Mat4, Vec3};
+use glam::{DMat4, DVec3, DVec4, Mat4, Vec3};
 use std::path::PathBuf;
 use tilewright::{
     Error,
     image::Extent,
     pass::{Binding, Draw, Pass},
-    scene::{LoadOptions, PassOptions, Projection, Scene},
+    scene::{Camera, LoadOptions, PassOptions, Projection, Scene},
     state::{Cull, FrontFace, Topology},
 };
 
@@ -31,39 +31,49 @@ impl Case {
         self.0.path().join(name)
     }
 
-    fn try_load(&self, name: &str, time: Option<f32>) -> Result<Scene, Error> {
+    pub fn try_load(&self, name: &str, time: Option<f64>) -> Result<Scene, Error> {
         Scene::load(&self.path(name), &LoadOptions { time })
     }
 
-    fn load(&self, name: &str) -> Scene {
+    pub fn load(&self, name: &str) -> Scene {
         self.try_load(name, None).unwrap_or_else(|e| panic!("{e}"))
     }
 }
 
-/// A valid pass of everything in the scene.
+/// A valid pass of everything in the scene, by a camera whose clip space is the world but for powers
+/// of two: [`positions`] are exact.
 pub fn pass(scene: &Scene) -> Pass {
     let options = PassOptions { cull: false, ..PassOptions::default() };
-    let pass = scene.pass(EXTENT, &scene.default_camera(EXTENT), &options).unwrap();
+    let projection = Projection::Orthographic { ymag: 1.0, near: -1024.0, far: 1024.0 };
+    let camera = Camera { name: String::new(), view: DMat4::IDENTITY, projection };
+    let pass = scene.pass(EXTENT, &camera, &options).unwrap();
     check(&pass);
     pass
 }
 
-/// The model matrix of a draw.
-fn model(draw: &Draw) -> Mat4 {
+/// The matrix of a draw to clip space.
+fn to_clip(draw: &Draw) -> DMat4 {
     let floats: Vec<f32> = draw.push_constants[..64]
         .chunks_exact(4)
         .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
         .collect();
-    Mat4::from_cols_slice(&floats)
+    Mat4::from_cols_slice(&floats).as_dmat4()
 }
 
-/// Positions that a draw reads, in the order it reads them, in the world.
+/// Positions that a draw of [`pass`] reads, in the order it reads them, in the world.
 pub fn positions(draw: &Draw) -> Vec<Vec3> {
+    let world = |c: DVec4| DVec3::new(c.x, -c.y, (0.5 - c.z) * 2048.0).as_vec3();
+    clip_positions(draw).into_iter().map(world).collect()
+}
+
+/// Positions that a draw reads, in the order it reads them, in clip space.
+pub fn clip_positions(draw: &Draw) -> Vec<DVec4> {
     let range = &draw.vertex_buffers[0];
     let bytes = &range.buffer.bytes[range.offset..range.offset + range.bytes];
+    let to_clip = to_clip(draw);
     let at = |i: usize| {
         let f = |k: usize| f32::from_le_bytes(bytes[i * 12 + k..][..4].try_into().unwrap());
-        model(draw).transform_point3(Vec3::new(f(0), f(4), f(8)))
+        to_clip * DVec3::new(f(0).into(), f(4).into(), f(8).into()).extend(1.0)
     };
     match &draw.indices {
         None => (0..draw.count as usize).map(at).collect(),
@@ -90,7 +100,12 @@ pub fn uri(bytes: &[u8]) -> String {
 
 /// A triangle in the plane z = 0 with `node` as its node's properties, and more of the document.
 pub fn triangle(node: &str, more: &str) -> String {
-    let (uri, length) = floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0.]);
+    triangle_of(&[0., 0., 0., 1., 0., 0., 0., 1., 0.], node, more)
+}
+
+/// As [`triangle`], with these coordinates.
+pub fn triangle_of(coordinates: &[f32; 9], node: &str, more: &str) -> String {
+    let (uri, length) = floats(coordinates);
     format!(
         r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0{node}}}],
         "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}{more}}}]}}],
@@ -156,9 +171,9 @@ fn the_hierarchy_places_things_and_cameras() {
     let case = Case::new(&[("a.gltf", text.as_bytes())]);
     let scene = case.load("a.gltf");
     assert_eq!(positions(&pass(&scene).draws[0])[1], Vec3::new(3.0, 6.0, 0.0));
-    assert_eq!(scene.bounds().min, Vec3::new(1.0, 6.0, 0.0));
+    assert_eq!(scene.bounds().min, DVec3::new(1.0, 6.0, 0.0));
     let camera = &scene.cameras()[0];
-    assert_eq!((camera.name.as_str(), camera.eye()), ("eye", Vec3::new(1.0, 0.0, 5.0)));
+    assert_eq!((camera.name.as_str(), camera.eye()), ("eye", DVec3::new(1.0, 0.0, 5.0)));
     assert_eq!(camera.projection, Projection::Perspective { yfov: 0.5, near: 0.25, far: None });
 }
 
@@ -243,7 +258,7 @@ fn instances_are_one_draw_and_mirrored_ones_another() {
     assert!(drawn.contains(&(2, FrontFace::CounterClockwise)));
     assert!(drawn.contains(&(1, FrontFace::Clockwise)));
     assert_eq!(scene.triangles(), 3);
-    assert_eq!(scene.bounds().max, Vec3::new(5.0, 1.0, 0.0));
+    assert_eq!(scene.bounds().max, DVec3::new(5.0, 1.0, 0.0));
 }
 
 #[test]
@@ -266,7 +281,7 @@ fn polygons_and_missing_files_of_obj() {
 
 #[test]
 fn a_scene_that_lies_nowhere_is_said_to() {
-    let case = Case::new(&[("nowhere.obj", b"v nan 0 0\nv 0 inf 0\nv 1e30 0 0\nf 1 2 3\n")]);
+    let case = Case::new(&[("nowhere.obj", b"v nan 0 0\nv 0 inf 0\nv -inf 0 0\nf 1 2 3\n")]);
     let scene = case.load("nowhere.obj");
     pass(&scene);
     assert!(scene.warnings().iter().any(|w| w.contains("place")), "{:?}", scene.warnings());
@@ -295,16 +310,14 @@ fn all_built_in_scenes_make_valid_passes() {
 #[test]
 fn blended_draws_come_last_and_from_the_back() {
     let scene = Scene::builtin("alpha").unwrap();
-    for eye in [Vec3::new(1.0, 1.0, 5.0), Vec3::new(-1.0, 0.5, -5.0)] {
-        let camera = scene.camera_at(eye, Vec3::ZERO, Vec3::Y, 0.8);
+    for eye in [DVec3::new(1.0, 1.0, 5.0), DVec3::new(-1.0, 0.5, -5.0)] {
+        let camera = scene.camera_at(eye, DVec3::ZERO, DVec3::Y, 0.8);
         let pass = scene.pass(EXTENT, &camera, &PassOptions::default()).unwrap();
         let blends = |d: &Draw| pass.pipelines[d.pipeline].blend.is_some();
         let first = pass.draws.iter().position(blends).unwrap();
         assert!(pass.draws[first..].iter().all(blends) && first == 1);
-        let distances: Vec<f32> = pass.draws[first..]
-            .iter()
-            .map(|d| -camera.view.transform_point3(model(d).w_axis.truncate()).z)
-            .collect();
+        // w of clip space is the distance.
+        let distances: Vec<f64> = pass.draws[first..].iter().map(|d| to_clip(d).w_axis.w).collect();
         assert!(distances.is_sorted_by(|a, b| a >= b), "{distances:?}");
     }
 }
@@ -317,10 +330,10 @@ fn culling_leaves_out_only_what_cannot_be_seen() {
     assert_eq!(scene.pass(EXTENT, &whole, &PassOptions::default()).unwrap().draws.len(), 35);
     // Close to one corner, looking along the sheet of spheres and away from it.
     let close =
-        scene.camera_at(Vec3::new(-6.9, -4.6, 3.0), Vec3::new(-6.9, -4.6, 0.0), Vec3::Y, 0.5);
+        scene.camera_at(DVec3::new(-6.9, -4.6, 3.0), DVec3::new(-6.9, -4.6, 0.0), DVec3::Y, 0.5);
     let seen = scene.pass(EXTENT, &close, &PassOptions::default()).unwrap().draws.len();
     assert!((1..10).contains(&seen), "{seen}");
     assert_eq!(scene.pass(EXTENT, &close, &all).unwrap().draws.len(), 35);
-    let away = scene.camera_at(Vec3::Z * 9.0, Vec3::Z * 20.0, Vec3::Y, 0.5);
+    let away = scene.camera_at(DVec3::Z * 9.0, DVec3::Z * 20.0, DVec3::Y, 0.5);
     assert_eq!(scene.pass(EXTENT, &away, &PassOptions::default()).unwrap().draws.len(), 0);
 }

@@ -4,6 +4,7 @@ mod damaged;
 mod files;
 mod loaded;
 mod moved;
+mod precision;
 mod valid;
 
 pub use valid::check;

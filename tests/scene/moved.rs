@@ -27,7 +27,7 @@ fn extend(text: &str, accessors: &[(&[f32], &str)], rest: &str) -> String {
         .replace(r#""}]}"#, &format!(r#""}}{buffers}]{rest}}}"#))
 }
 
-fn at(text: &str, time: Option<f32>) -> Vec<Vec3> {
+fn at(text: &str, time: Option<f64>) -> Vec<Vec3> {
     let case = Case::new(&[("a.gltf", text.as_bytes())]);
     let scene = Scene::load(&case.path("a.gltf"), &LoadOptions { time });
     let scene = scene.unwrap_or_else(|e| panic!("{e}"));

@@ -14,7 +14,7 @@ use super::{
     texture::{ColorSpace, with_mips},
 };
 use crate::{Error, Result, image::Extent, texture::Texture};
-use glam::{Mat4, Vec3};
+use glam::{DVec3, Mat4, Vec3};
 
 type Make = fn(&mut Builder, u64) -> std::result::Result<(), String>;
 
@@ -97,7 +97,7 @@ fn add(
     at: Mat4,
 ) -> std::result::Result<(), String> {
     builder.materials.push(material);
-    builder.mesh_node(mesh, builder.materials.len() - 1, at)
+    builder.mesh_node(mesh, builder.materials.len() - 1, at.as_dmat4())
 }
 
 /// A texture of `squares` x `squares` of two colours (sRGB).
@@ -125,7 +125,7 @@ fn triangle(builder: &mut Builder, _: u64) -> std::result::Result<(), String> {
         colors: [Vec3::X, Vec3::Y, Vec3::Z].map(|c| c.extend(1.0)).to_vec(),
         ..Mesh::default()
     };
-    builder.cameras.push(Camera::look_at(Vec3::Z * 3.0, Vec3::ZERO, Vec3::Y, 0.8));
+    builder.cameras.push(Camera::look_at(DVec3::Z * 3.0, DVec3::ZERO, DVec3::Y, 0.8));
     add(builder, &mesh, painted(), Mat4::IDENTITY)
 }
 
@@ -156,8 +156,8 @@ fn checker(builder: &mut Builder, _: u64) -> std::result::Result<(), String> {
     let texture = builder.texture(|| Ok(checkerboard(8, 32, [[240, 236, 228], [40, 44, 52]])));
     let mut material = plastic([1.0; 3], 0.6);
     material.maps[Map::BaseColor as usize] = Some(TextureUse::new(texture));
-    let (eye, target) = (Vec3::new(0.0, 1.2, 8.0), Vec3::new(0.0, 0.6, 0.0));
-    builder.cameras.push(Camera::look_at(eye, target, Vec3::Y, 0.9));
+    let (eye, target) = (DVec3::new(0.0, 1.2, 8.0), DVec3::new(0.0, 0.6, 0.0));
+    builder.cameras.push(Camera::look_at(eye, target, DVec3::Y, 0.9));
     add(builder, &shapes::floor(60.0, 8, 30.0), material, Mat4::IDENTITY)
 }
 
@@ -188,7 +188,8 @@ fn alpha(builder: &mut Builder, _: u64) -> std::result::Result<(), String> {
         let turned = Mat4::from_translation(at) * Mat4::from_rotation_z(turn) * up;
         add(builder, &sheet, material, turned)?;
     }
-    builder.cameras.push(Camera::look_at(Vec3::new(1.2, 0.9, 5.2), Vec3::ZERO, Vec3::Y, 0.75));
+    let eye = DVec3::new(1.2, 0.9, 5.2);
+    builder.cameras.push(Camera::look_at(eye, DVec3::ZERO, DVec3::Y, 0.75));
     Ok(())
 }
 
@@ -198,7 +199,7 @@ fn inner_soup(builder: &mut Builder, seed: u64) -> std::result::Result<(), Strin
 
 /// The soup seen from inside: triangles cross all borders, the near plane and the plane of the eye.
 fn clipped_soup(builder: &mut Builder, seed: u64) -> std::result::Result<(), String> {
-    let mut camera = Camera::look_at(Vec3::new(0.1, 0.05, 0.8), Vec3::NEG_Z, Vec3::Y, 1.2);
+    let mut camera = Camera::look_at(DVec3::new(0.1, 0.05, 0.8), DVec3::NEG_Z, DVec3::Y, 1.2);
     camera.projection = super::Projection::Perspective { yfov: 1.2, near: 0.05, far: Some(1.8) };
     builder.cameras.push(camera);
     add(builder, &soup::soup(seed, 4000), painted(), Mat4::from_scale(Vec3::splat(1.3)))

@@ -31,6 +31,7 @@ pub(super) fn soup(seed: u64, count: u32) -> Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
 
     #[test]
     fn a_seed_means_the_same_triangles_everywhere() {
@@ -40,6 +41,6 @@ mod tests {
         assert_eq!(soup(7, 100).positions, soup(7, 100).positions);
         assert_ne!(soup(7, 100).positions, soup(8, 100).positions);
         let b = soup(3, 5000).bounds();
-        assert!(b.min.cmpge(-Vec3::ONE).all() && b.max.cmple(Vec3::ONE).all());
+        assert!(b.min.cmpge(-DVec3::ONE).all() && b.max.cmple(DVec3::ONE).all());
     }
 }

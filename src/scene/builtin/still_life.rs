@@ -17,7 +17,7 @@ use crate::{
     image::{Extent, linear_to_srgb},
     texture::{Sampler, Texture, Wrap},
 };
-use glam::{Mat4, Vec2, Vec3};
+use glam::{DVec3, Mat4, Vec2, Vec3};
 
 /// Radius of the dome.
 const SKY: f32 = 60.0;
@@ -42,8 +42,8 @@ pub(super) fn build(builder: &mut Builder, _seed: u64) -> Result<(), String> {
         background: Vec3::new(0.7, 0.72, 0.76),
     };
     builder.light = light;
-    let (eye, target) = (Vec3::new(1.7, 4.4, 12.6), Vec3::new(0.22, 1.22, 0.0));
-    let mut camera = Camera::look_at(eye, target, Vec3::Y, 0.5);
+    let (eye, target) = (DVec3::new(1.7, 4.4, 12.6), DVec3::new(0.22, 1.22, 0.0));
+    let mut camera = Camera::look_at(eye, target, DVec3::Y, 0.5);
     camera.projection = Projection::Perspective { yfov: 0.5, near: 1.0, far: None };
     builder.cameras.push(camera);
 

@@ -1,12 +1,14 @@
 //! The two forms of a glTF file: JSON, and GLB with JSON and one buffer in it.
 
-use super::data::Checks;
+use super::{data::Checks, pose::Local};
 use gltf_json::Root;
 use serde_json::{Map, Value};
 
 /// The parts of a file.
 pub(super) struct Container<'a> {
     pub root: Root,
+    /// The transforms of the nodes: the typed document has them in single precision only.
+    pub locals: Vec<Local>,
     /// The buffer of a GLB.
     pub binary: Option<&'a [u8]>,
 }
@@ -43,7 +45,7 @@ impl<'a> Container<'a> {
         if !json.starts_with(b"{") {
             return Err("the content is neither GLB nor a JSON object".into());
         }
-        let root = read(json)?;
+        let (root, locals) = read(json)?;
         let wanted = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
         if !wanted.starts_with("2.")
             || root.asset.min_version.as_deref().is_some_and(|v| v != "2.0")
@@ -66,20 +68,18 @@ impl<'a> Container<'a> {
                 warn(format!("the extension {extension} is ignored"));
             }
         }
-        Ok(Self { root, binary })
+        Ok(Self { root, locals, binary })
     }
 }
 
 /// The typed document. What the parser refuses although glTF allows it is mended first: scenes
 /// without nodes, extras that are no objects, and animation channels without a node, which are to be
 /// passed over; so are lights, whose faults are none of ours.
-fn read(json: &[u8]) -> Checks<Root> {
+fn read(json: &[u8]) -> Checks<(Root, Vec<Local>)> {
     let fault = |e| format!("the JSON is not glTF 2.0: {e}");
-    let first = match Root::from_slice(json) {
-        Ok(root) => return Ok(root),
-        Err(first) => first,
-    };
-    let Ok(mut document) = serde_json::from_slice::<Value>(json) else { return Err(fault(first)) };
+    let mut document: Value = serde_json::from_slice(json).map_err(fault)?;
+    let nodes = document.get("nodes").and_then(Value::as_array);
+    let locals: Vec<Local> = nodes.into_iter().flatten().map(Local::of).collect();
     let each = |list: Option<&mut Value>, mend: &dyn Fn(&mut Map<String, Value>)| {
         let objects = list.and_then(Value::as_array_mut).into_iter().flatten();
         objects.filter_map(Value::as_object_mut).for_each(mend);
@@ -100,7 +100,11 @@ fn read(json: &[u8]) -> Checks<Root> {
     each(document.get_mut("nodes"), &unlit);
     document.as_object_mut().map(unlit);
     drop_extras(&mut document);
-    serde_json::from_value(document).map_err(|_| fault(first))
+    match serde_json::from_value(document) {
+        Ok(root) => Ok((root, locals)),
+        // Read once more for the line of the fault, which the document does not know.
+        Err(e) => Err(fault(Root::from_slice(json).err().unwrap_or(e))),
+    }
 }
 
 /// Removes what applications keep for themselves: it may be of any type, and nothing here reads it.

@@ -9,7 +9,7 @@ use crate::{
     format::{Component, VertexFormat},
     pass::IndexFormat,
 };
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{DMat4, Mat4, Vec2, Vec3, Vec4};
 use gltf_json::{
     Root, accessor,
     accessor::{ComponentType, Type},
@@ -382,9 +382,10 @@ impl Accessor<'_> {
     }
 
     /// All elements as matrices.
-    pub fn mat4(&self, what: &str) -> Checks<Vec<Mat4>> {
+    pub fn mat4(&self, what: &str) -> Checks<Vec<DMat4>> {
         self.expect(&[16], what)?;
-        Ok(self.floats().chunks_exact(16).map(Mat4::from_cols_slice).collect())
+        let matrix = |m: &[f32]| Mat4::from_cols_slice(m).as_dmat4();
+        Ok(self.floats().chunks_exact(16).map(matrix).collect())
     }
 }
 

@@ -2,16 +2,18 @@
 //! otherwise completed, morphed and skinned first.
 
 use super::super::{
+    anchor::Anchor,
     bounds::Bounds,
-    build::{Builder, COLOR, NORMAL, POSITION, Part, TANGENT, UV},
+    build::{Builder, COLOR, NORMAL, POSITION, Part, Stream, TANGENT, UV},
     mesh::Mesh,
+    place::direction_matrix,
 };
 use super::{
     data::{Checks, Data, get},
     materials::Materials,
 };
-use crate::state::Topology;
-use glam::{Mat3, Mat4, Vec3, Vec4};
+use crate::{format::VertexFormat, state::Topology};
+use glam::{DMat4, DVec3, Vec3, Vec4};
 use gltf_json::{
     mesh::{Mode, Primitive, Semantic},
     validation::Checked,
@@ -23,7 +25,9 @@ pub(super) struct Deform<'a> {
     /// Weights of the morph targets, empty for none.
     pub weights: &'a [f32],
     /// Matrices of the joints to the world, if the mesh is skinned.
-    pub joints: Option<&'a [Mat4]>,
+    pub joints: Option<&'a [DMat4]>,
+    /// Whether the node's front is on the other side.
+    pub mirrored: bool,
 }
 
 /// Adds the parts of mesh `index`.
@@ -106,14 +110,20 @@ fn part(
     if morphed {
         source.morph(data, &mut mesh, deform.weights)?;
     }
-    if let Some(joints) = deform.joints {
-        source.skin(data, &mut mesh, joints)?;
+    match deform.joints {
+        Some(joints) => source.skin(data, &mut mesh, joints)?,
+        None => mesh.settle(),
     }
+    // Joints have moved a skin to the world already, and with it perhaps into a mirror: what is made
+    // from its winding then points to the wrong side.
+    let flipped = deform.joints.is_some() && deform.mirrored;
     if !normals {
         mesh.make_flat_normals();
+        mesh.normals.iter_mut().filter(|_| flipped).for_each(|n| *n = -*n);
     }
     if let Some(set) = normal_map.filter(|_| mesh.tangents.is_empty()) {
         mesh.make_tangents(set);
+        mesh.tangents.iter_mut().filter(|_| flipped).for_each(|t| t.w = -t.w);
     }
     Ok(Added::Part(builder.mesh(&mesh, material)?))
 }
@@ -144,15 +154,22 @@ fn direct(
         }
     }
     let position = source.find(Semantic::Positions).unwrap_or(0);
-    let positions = data.accessor(position)?;
-    let (bounds, vertices) = (Bounds::of(positions.vec3("POSITION")?), positions.count);
+    let positions = data.accessor(position)?.vec3("POSITION")?;
+    let bounds = Bounds::of(positions.iter().map(|p| p.as_dvec3()));
+    let (anchor, vertices) = (Anchor::of(&bounds), positions.len());
+    if anchor != Anchor::default() {
+        let stored: Vec<Vec3> = positions.iter().map(|p| anchor.store(p.as_dvec3())).collect();
+        let slice = builder.store.push(bytemuck::cast_slice(&stored))?;
+        let format = VertexFormat::F32X3;
+        streams[POSITION] = Some(Stream { slice, format, stride: format.bytes() as u32 });
+    }
     let indices = match source.primitive.indices {
         Some(i) => Some(data.index_buffer(i.value(), vertices, &mut builder.store)?),
         None => None,
     };
     let count = indices.map_or(vertices as u32, |(_, _, count)| count);
     let indices = indices.map(|(slice, format, _)| (slice, format));
-    Ok(Some(Part { topology, streams, indices, count, material, bounds }))
+    Ok(Some(Part { topology, streams, indices, count, material, anchor, bounds }))
 }
 
 /// The accessors of a primitive.
@@ -214,6 +231,7 @@ impl Source<'_> {
             colors: values(self, Semantic::Colors(0), |i| data.accessor(i)?.colors("COLOR_0"))?,
             positions,
             indices,
+            ..Mesh::default()
         })
     }
 
@@ -249,9 +267,9 @@ impl Source<'_> {
     }
 
     /// Moves vertices to the world by the weighted matrices of their joints.
-    fn skin(&self, data: &Data, mesh: &mut Mesh, joints: &[Mat4]) -> Checks<()> {
-        let mut blended = vec![Mat4::ZERO; mesh.positions.len()];
-        let mut total = vec![0.0f32; mesh.positions.len()];
+    fn skin(&self, data: &Data, mesh: &mut Mesh, joints: &[DMat4]) -> Checks<()> {
+        let mut blended = vec![DMat4::ZERO; mesh.positions.len()];
+        let mut total = vec![0.0; mesh.positions.len()];
         for set in 0.. {
             let (Some(j), Some(w)) =
                 (self.find(Semantic::Joints(set)), self.find(Semantic::Weights(set)))
@@ -264,7 +282,7 @@ impl Source<'_> {
             }
             let numbers = numbers.integers(j)?;
             for (i, (numbers, weights)) in numbers.chunks_exact(4).zip(weights).enumerate() {
-                for (&number, weight) in numbers.iter().zip(weights.to_array()) {
+                for (&number, weight) in numbers.iter().zip(weights.as_dvec4().to_array()) {
                     if weight == 0.0 {
                         continue;
                     }
@@ -274,21 +292,26 @@ impl Source<'_> {
                 }
             }
         }
+        let mut moved = Vec::with_capacity(mesh.positions.len());
         for (i, (matrix, total)) in blended.iter().zip(total).enumerate() {
             // Weights that do not sum to 1 are scaled; a vertex without weights stays in place.
-            let matrix = if total > 0.0 { *matrix * (1.0 / total) } else { Mat4::IDENTITY };
-            mesh.positions[i] = matrix.transform_point3(mesh.positions[i]);
-            let turn = Mat3::from_mat4(matrix);
+            let matrix = if total > 0.0 { *matrix * (1.0 / total) } else { DMat4::IDENTITY };
+            moved.push(matrix.transform_point3(mesh.anchor.place(mesh.positions[i])));
+            let turn = direction_matrix(&matrix);
+            let (x, y, z) = (turn.x_axis, turn.y_axis, turn.z_axis);
+            // Cofactors turn normals; a mirror changes their sign, and the hand of tangents.
+            let mirror = if turn.determinant() < 0.0 { -1.0 } else { 1.0 };
             if let Some(n) = mesh.normals.get_mut(i) {
-                let (x, y, z) = (turn.x_axis, turn.y_axis, turn.z_axis);
-                let cofactors = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
-                *n = (cofactors * *n).normalize_or(Vec3::Y);
+                let old = n.as_dvec3() * mirror;
+                let turned = y.cross(z) * old.x + z.cross(x) * old.y + x.cross(y) * old.z;
+                *n = turned.normalize_or(DVec3::Y).as_vec3();
             }
             if let Some(t) = mesh.tangents.get_mut(i) {
-                let turned = (turn * t.truncate()).normalize_or(Vec3::X);
-                *t = Vec4::from((turned, t.w));
+                let turned = (turn * t.truncate().as_dvec3()).normalize_or(DVec3::X).as_vec3();
+                *t = Vec4::from((turned, t.w * mirror as f32));
             }
         }
+        mesh.set_positions(&moved);
         Ok(())
     }
 }

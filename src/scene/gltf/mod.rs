@@ -17,9 +17,10 @@ use super::{
     Scene,
     build::{Builder, Node, Outcome},
     camera::{Camera, Projection},
+    place::mirrors,
 };
 use data::{Checks, Data, get};
-use glam::{Mat4, Quat, Vec3};
+use glam::{DMat4, DQuat, DVec3};
 use gltf_json::{self as json, camera::Type, validation::Checked};
 use materials::Materials;
 use meshes::Deform;
@@ -27,13 +28,13 @@ use pose::Pose;
 use std::{collections::HashMap, path::Path};
 
 /// Loads the glTF in `bytes`, which come from `path`.
-pub(super) fn load(path: &Path, name: &str, bytes: &[u8], time: Option<f32>) -> Outcome<Scene> {
+pub(super) fn load(path: &Path, name: &str, bytes: &[u8], time: Option<f64>) -> Outcome<Scene> {
     let mut builder = Builder::default();
     let container = container::Container::parse(bytes, |w| builder.warn(w))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut data = Data::new(&container.root, folder, container.binary);
     let materials = materials::add(&data, folder, &mut builder)?;
-    let pose = Pose::new(&data, time)?;
+    let pose = Pose::new(&data, &container.locals, time)?;
     let hierarchy = Hierarchy::new(&container.root)?;
     let worlds = hierarchy.worlds(&pose);
     let mut loader = Loader {
@@ -106,8 +107,8 @@ impl Hierarchy {
     }
 
     /// The matrices of all nodes to the world, those outside the scene too: joints may be there.
-    fn worlds(&self, pose: &Pose) -> Vec<Mat4> {
-        let mut worlds: Vec<Option<Mat4>> = vec![None; self.parents.len()];
+    fn worlds(&self, pose: &Pose) -> Vec<DMat4> {
+        let mut worlds: Vec<Option<DMat4>> = vec![None; self.parents.len()];
         for node in 0..self.parents.len() {
             // Up to the first ancestor that is known, then down again. A ring of nodes, which no
             // scene shows, ends where it began.
@@ -116,7 +117,7 @@ impl Hierarchy {
                 path.push(n);
                 at = self.parents[n];
             }
-            let mut world = at.and_then(|n| worlds[n]).unwrap_or(Mat4::IDENTITY);
+            let mut world = at.and_then(|n| worlds[n]).unwrap_or(DMat4::IDENTITY);
             for n in path.into_iter().rev() {
                 world *= pose.locals[n];
                 worlds[n] = Some(world);
@@ -132,7 +133,7 @@ struct Loader<'a, 'd> {
     builder: &'a mut Builder,
     pose: Pose,
     /// By node of the file.
-    worlds: Vec<Mat4>,
+    worlds: Vec<DMat4>,
     /// Nodes of the builder by nodes of the file.
     numbers: HashMap<usize, usize>,
     /// Parts of meshes that look the same wherever they are.
@@ -182,7 +183,7 @@ impl Loader<'_, '_> {
         Ok(())
     }
 
-    fn mesh(&mut self, mesh: usize, node: usize, joints: Option<&[Mat4]>) -> Checks<Vec<usize>> {
+    fn mesh(&mut self, mesh: usize, node: usize, joints: Option<&[DMat4]>) -> Checks<Vec<usize>> {
         let root = self.data.root;
         let described = get(&root.meshes, mesh, "mesh")?;
         let weights = self.pose.weights[node]
@@ -190,7 +191,8 @@ impl Loader<'_, '_> {
             .or(root.nodes[node].weights.as_ref())
             .or(described.weights.as_ref());
         let weights = weights.map_or(&[][..], Vec::as_slice);
-        let deform = Deform { weights, joints };
+        let mirrored = mirrors(&self.worlds[node]);
+        let deform = Deform { weights, joints, mirrored };
         let deforms = joints.is_some() || weights.iter().any(|&w| w != 0.0);
         if !deforms && let Some(parts) = self.shared.get(&mesh) {
             return Ok(parts.clone());
@@ -203,13 +205,13 @@ impl Loader<'_, '_> {
     }
 
     /// The matrices of a skin's joints from the mesh's bind space to the world.
-    fn joints(&self, skin: usize) -> Checks<Vec<Mat4>> {
+    fn joints(&self, skin: usize) -> Checks<Vec<DMat4>> {
         let skin = get(&self.data.root.skins, skin, "skin")?;
         let inverses = match skin.inverse_bind_matrices {
             Some(accessor) => {
                 self.data.accessor(accessor.value())?.mat4("the inverse bind matrices")?
             }
-            None => vec![Mat4::IDENTITY; skin.joints.len()],
+            None => vec![DMat4::IDENTITY; skin.joints.len()],
         };
         if inverses.len() < skin.joints.len() {
             return Err(format!(
@@ -218,14 +220,14 @@ impl Loader<'_, '_> {
                 inverses.len()
             ));
         }
-        let matrix = |(joint, inverse): (&json::Index<json::Node>, Mat4)| {
+        let matrix = |(joint, inverse): (&json::Index<json::Node>, DMat4)| {
             Ok(*get(&self.worlds, joint.value(), "node")? * inverse)
         };
         skin.joints.iter().zip(inverses).map(matrix).collect()
     }
 
     /// The matrices of `EXT_mesh_gpu_instancing`.
-    fn instances(&self, extension: &serde_json::Value) -> Checks<Vec<Mat4>> {
+    fn instances(&self, extension: &serde_json::Value) -> Checks<Vec<DMat4>> {
         let accessor = |name: &str| {
             let index = extension.get("attributes").and_then(|a| a.get(name));
             let index = index.and_then(serde_json::Value::as_u64).map(|i| i as usize);
@@ -237,13 +239,14 @@ impl Loader<'_, '_> {
         let r = r.map(|a| a.vec4("ROTATION")).transpose()?;
         let s = s.map(|a| a.vec3("SCALE")).transpose()?;
         let matrix = |i: usize| {
-            Mat4::from_scale_rotation_translation(
-                s.as_ref().map_or(Vec3::ONE, |s| s[i]),
-                r.as_ref().map_or(Quat::IDENTITY, |r| Quat::from_vec4(r[i]).normalize()),
-                t.as_ref().map_or(Vec3::ZERO, |t| t[i]),
+            DMat4::from_scale_rotation_translation(
+                s.as_ref().map_or(DVec3::ONE, |s| s[i].as_dvec3()),
+                r.as_ref()
+                    .map_or(DQuat::IDENTITY, |r| DQuat::from_vec4(r[i].as_dvec4()).normalize()),
+                t.as_ref().map_or(DVec3::ZERO, |t| t[i].as_dvec3()),
             )
         };
-        Ok((0..count).map(matrix).filter(Mat4::is_finite).collect())
+        Ok((0..count).map(matrix).filter(DMat4::is_finite).collect())
     }
 }
 
@@ -258,15 +261,15 @@ fn projection(camera: &json::Camera) -> Option<Projection> {
                 && p.yfov < std::f32::consts::PI
                 && positive(p.znear)
                 && far.is_none_or(|far| far > p.znear);
-            let near = p.znear;
-            fits.then_some(Projection::Perspective { yfov: p.yfov, near, far })
+            let (yfov, near) = (p.yfov.into(), p.znear.into());
+            fits.then_some(Projection::Perspective { yfov, near, far: far.map(f64::from) })
         }
         Checked::Valid(Type::Orthographic) => {
             let o = camera.orthographic.as_ref()?;
             let fits =
                 o.ymag != 0.0 && o.ymag.is_finite() && o.zfar > o.znear && o.zfar.is_finite();
-            let ymag = o.ymag.abs();
-            fits.then_some(Projection::Orthographic { ymag, near: o.znear, far: o.zfar })
+            let (ymag, near, far) = (o.ymag.abs().into(), o.znear.into(), o.zfar.into());
+            fits.then_some(Projection::Orthographic { ymag, near, far })
         }
         Checked::Invalid => None,
     }

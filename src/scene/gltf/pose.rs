@@ -1,25 +1,33 @@
 //! Where every node is at one moment: the rest pose, or the animations of a file at a time.
 
 use super::data::{Checks, Data, get};
-use glam::{Mat4, Quat, Vec3};
+use glam::{DMat4, DQuat, DVec3};
 use gltf_json::{
     animation::{Interpolation, Property, Sampler},
     validation::Checked,
 };
+use serde_json::Value;
 use std::collections::HashSet;
+
+/// A node's transform as the file gives it, in the double precision that JSON has.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Local {
+    Matrix(DMat4),
+    Parts(Placement),
+}
 
 /// A node's transform in parts.
 #[derive(Clone, Copy, Debug)]
-struct Placement {
-    translation: Vec3,
-    rotation: Quat,
-    scale: Vec3,
+pub(super) struct Placement {
+    translation: DVec3,
+    rotation: DQuat,
+    scale: DVec3,
 }
 
 /// The nodes of a file at one moment.
 pub(super) struct Pose {
     /// To the parent, by node.
-    pub locals: Vec<Mat4>,
+    pub locals: Vec<DMat4>,
     /// Weights of morph targets that an animation sets, by node.
     pub weights: Vec<Option<Vec<f32>>>,
 }
@@ -30,16 +38,13 @@ impl Pose {
     /// Times before the first and after the last key hold that key, as glTF demands. Of several
     /// animations each applies whose targets no earlier one has: files that split one movement
     /// over many animations play as a whole, files that hold alternatives show the first.
-    pub fn new(data: &Data, time: Option<f32>) -> Checks<Self> {
-        let nodes = &data.root.nodes;
-        let local = |n: &gltf_json::Node| match n.matrix {
-            Some(matrix) => Mat4::from_cols_array(&matrix),
-            None => placement(n).matrix(),
+    pub fn new(data: &Data, locals: &[Local], time: Option<f64>) -> Checks<Self> {
+        let mut pose = Self {
+            locals: locals.iter().map(Local::matrix).collect(),
+            weights: vec![None; locals.len()],
         };
-        let mut pose =
-            Self { locals: nodes.iter().map(local).collect(), weights: vec![None; nodes.len()] };
         let Some(time) = time else { return Ok(pose) };
-        let mut placements: Vec<Option<Placement>> = vec![None; nodes.len()];
+        let mut placements: Vec<Option<Placement>> = vec![None; locals.len()];
         let mut taken: HashSet<(usize, u8)> = HashSet::new();
         for (i, animation) in data.root.animations.iter().enumerate() {
             let mut targets = Vec::new();
@@ -53,22 +58,19 @@ impl Pose {
                 continue;
             }
             for (channel, &(node, _)) in animation.channels.iter().zip(&targets) {
-                let described = get(nodes, node, "node")?;
+                let local = get(locals, node, "node")?;
                 let sampler = get(&animation.samplers, channel.sampler.value(), "sampler")?;
                 let named = |e| format!("animation {i}: {e}");
-                let place = placements[node].get_or_insert_with(|| match described.matrix {
-                    Some(matrix) => Placement::of(&Mat4::from_cols_array(&matrix)),
-                    None => placement(described),
-                });
+                let place = placements[node].get_or_insert_with(|| local.parts());
                 let Checked::Valid(property) = channel.target.path else { continue };
                 let value = Track::new(data, sampler, property).map_err(named)?.at(time);
                 match property {
-                    Property::Translation => place.translation = Vec3::from_slice(&value),
-                    Property::Scale => place.scale = Vec3::from_slice(&value),
-                    Property::Rotation => {
-                        place.rotation = Quat::from_slice(&value).normalize();
+                    Property::Translation => place.translation = DVec3::from_slice(&value),
+                    Property::Scale => place.scale = DVec3::from_slice(&value),
+                    Property::Rotation => place.rotation = unit(DQuat::from_slice(&value)),
+                    Property::MorphTargetWeights => {
+                        pose.weights[node] = Some(value.iter().map(|&w| w as f32).collect());
                     }
-                    Property::MorphTargetWeights => pose.weights[node] = Some(value),
                 }
             }
             taken.extend(targets);
@@ -82,25 +84,55 @@ impl Pose {
     }
 }
 
-fn placement(node: &gltf_json::Node) -> Placement {
-    let rotation = node.rotation.map_or(Quat::IDENTITY, |r| Quat::from_array(r.0));
-    Placement {
-        translation: node.translation.map_or(Vec3::ZERO, Vec3::from_array),
-        // Files round their quaternions; a length of 0 stands for no rotation.
-        rotation: if rotation.length() > 1e-6 { rotation.normalize() } else { Quat::IDENTITY },
-        scale: node.scale.map_or(Vec3::ONE, Vec3::from_array),
+impl Local {
+    /// The transform of a node's JSON; what is missing there, or no number, is as if left out.
+    pub fn of(node: &Value) -> Self {
+        fn numbers<const N: usize>(node: &Value, name: &str) -> Option<[f64; N]> {
+            let list: Option<Vec<f64>> =
+                node.get(name)?.as_array()?.iter().map(Value::as_f64).collect();
+            list?.try_into().ok()
+        }
+        if let Some(matrix) = numbers(node, "matrix") {
+            return Local::Matrix(DMat4::from_cols_array(&matrix));
+        }
+        Local::Parts(Placement {
+            translation: numbers(node, "translation").map_or(DVec3::ZERO, DVec3::from_array),
+            rotation: numbers(node, "rotation").map_or(DQuat::IDENTITY, DQuat::from_array),
+            scale: numbers(node, "scale").map_or(DVec3::ONE, DVec3::from_array),
+        })
+    }
+
+    fn matrix(&self) -> DMat4 {
+        match self {
+            Local::Matrix(matrix) => *matrix,
+            Local::Parts(parts) => parts.matrix(),
+        }
+    }
+
+    fn parts(&self) -> Placement {
+        match self {
+            Local::Matrix(matrix) => Placement::of(matrix),
+            Local::Parts(parts) => *parts,
+        }
     }
 }
 
 impl Placement {
-    fn of(matrix: &Mat4) -> Self {
+    fn of(matrix: &DMat4) -> Self {
         let (scale, rotation, translation) = matrix.to_scale_rotation_translation();
         Self { translation, rotation, scale }
     }
 
-    fn matrix(&self) -> Mat4 {
-        Mat4::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
+    fn matrix(&self) -> DMat4 {
+        let rotation = unit(self.rotation);
+        DMat4::from_scale_rotation_translation(self.scale, rotation, self.translation)
     }
+}
+
+/// `rotation` with a length of 1. Files round their quaternions; a length of 0 stands for no
+/// rotation.
+fn unit(rotation: DQuat) -> DQuat {
+    if rotation.length() > 1e-6 { rotation.normalize() } else { DQuat::IDENTITY }
 }
 
 /// Keys of one channel.
@@ -147,27 +179,29 @@ impl Track {
     }
 
     /// The value at `time`.
-    fn at(&self, time: f32) -> Vec<f32> {
+    fn at(&self, time: f64) -> Vec<f64> {
         // The middle part of a cubic key is its value.
         let own = usize::from(self.interpolation == Interpolation::CubicSpline);
-        let next = self.times.partition_point(|&t| t <= time);
+        let wide = |values: &[f32]| values.iter().map(|&v| f64::from(v)).collect::<Vec<f64>>();
+        let next = self.times.partition_point(|&t| f64::from(t) <= time);
         if next == 0 || next == self.times.len() {
-            return self.value(next.saturating_sub(1), own).to_vec();
+            return wide(self.value(next.saturating_sub(1), own));
         }
         let key = next - 1;
-        let span = self.times[next] - self.times[key];
-        let t = if span > 0.0 { (time - self.times[key]) / span } else { 0.0 };
-        let (a, b) = (self.value(key, own), self.value(next, own));
-        let mixed = |f: &dyn Fn(usize) -> f32| (0..self.width).map(f).collect();
+        let (start, end) = (f64::from(self.times[key]), f64::from(self.times[next]));
+        let span = end - start;
+        let t = if span > 0.0 { (time - start) / span } else { 0.0 };
+        let (a, b) = (wide(self.value(key, own)), wide(self.value(next, own)));
+        let mixed = |f: &dyn Fn(usize) -> f64| (0..self.width).map(f).collect();
         match self.interpolation {
-            Interpolation::Step => a.to_vec(),
+            Interpolation::Step => a,
             Interpolation::Linear if self.rotates => {
-                let (a, b) = (Quat::from_slice(a).normalize(), Quat::from_slice(b).normalize());
+                let (a, b) = (unit(DQuat::from_slice(&a)), unit(DQuat::from_slice(&b)));
                 a.slerp(b, t).to_array().to_vec()
             }
             Interpolation::Linear => mixed(&|i| a[i] + (b[i] - a[i]) * t),
             Interpolation::CubicSpline => {
-                let (out, into) = (self.value(key, 2), self.value(next, 0));
+                let (out, into) = (wide(self.value(key, 2)), wide(self.value(next, 0)));
                 let (t2, t3) = (t * t, t * t * t);
                 mixed(&|i| {
                     (2.0 * t3 - 3.0 * t2 + 1.0) * a[i]
@@ -213,9 +247,9 @@ mod tests {
 
     #[test]
     fn rotations_take_the_short_way_round() {
-        let (a, b) = (Quat::IDENTITY, -Quat::from_rotation_y(1.0));
-        let values: Vec<f32> = [a, b, b].iter().flat_map(|q| q.to_array()).collect();
+        let (a, b) = (DQuat::IDENTITY, -DQuat::from_rotation_y(1.0));
+        let values: Vec<f32> = [a, b, b].iter().flat_map(|q| q.as_quat().to_array()).collect();
         let half = track(Interpolation::Linear, &values, 4).at(1.5);
-        assert!(Quat::from_slice(&half).dot(Quat::from_rotation_y(0.5)).abs() > 0.999_99);
+        assert!(DQuat::from_slice(&half).dot(DQuat::from_rotation_y(0.5)).abs() > 0.999_99);
     }
 }

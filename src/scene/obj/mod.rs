@@ -17,7 +17,7 @@ use crate::{
     image::srgb_to_linear,
     texture::{Sampler, Texture, Wrap},
 };
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{DMat4, Vec2, Vec3, Vec4};
 use mtl::{Mtl, MtlMap};
 use parse::{Group, NONE, Obj, Smoothing};
 use std::{collections::HashMap, path::Path};
@@ -52,7 +52,7 @@ pub(super) fn load(path: &Path, name: &str, bytes: &[u8]) -> Outcome<Scene> {
         if let Some(set) = builder.materials[material].normal_uv_set() {
             mesh.make_tangents(set);
         }
-        builder.mesh_node(&mesh, material, Mat4::IDENTITY)?;
+        builder.mesh_node(&mesh, material, DMat4::IDENTITY)?;
     }
     if obj.groups.is_empty() {
         builder.warn("the file has no faces");
@@ -131,6 +131,7 @@ fn mesh(obj: &Obj, group: &Group, steps: &mut u64) -> Mesh {
         }
     }
     mesh.indices = Some(indices);
+    mesh.settle();
     if !has_normals {
         match group.smoothing {
             Smoothing::Off => mesh.make_flat_normals(),
