@@ -1,4 +1,4 @@
-// Never dispatched: the build script reads the layout of every shared struct from it.
+// Never dispatched: glsl/tool reads the layout of every shared struct from it.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "abi.glsl"

@@ -1,8 +1,8 @@
-// The structs of src/abi.rs, member for member. The build script compares the two.
+// The structs of src/abi.rs, member for member. glsl/spirv/layout.rs compares the two.
 #ifndef ABI_GLSL
 #define ABI_GLSL
 #ifndef BIN_SIZE_LOG2
-#error "constants come from src/abi.rs through the build script"
+#error "constants come from src/abi.rs: compile by `cargo spirv`"
 #endif
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
@@ -95,7 +95,7 @@ struct Triangle {
 };
 
 // `Piece` as the lanes of a quad fetch it (`lib/quad.glsl`). The fields that a comment names follow each
-// other from there on; the build script compares these too.
+// other from there on; glsl/tool compares these too.
 struct QuadPiece {
     uvec4 numbers;  // first_in_draw, primitives_per_instance, first_primitive, fragment_resources
     uvec4 vertices; // varying_base, varying_stride, vertex_base, vertex_slots

@@ -1,10 +1,10 @@
 //! Everything the host and the kernels share: constants, and structs of `u32`, `i32` and `f32`.
 //!
-//! This file is the only home of these facts. The build script includes it, hands every constant to
-//! the kernels as a macro, compiles `glsl/abi.comp`, reads the members' offsets from its SPIR-V and
-//! writes one assertion per field, so that a struct that differs from its mirror in `glsl/abi.glsl`
-//! is a compile error that names the field. Blocks use scalar layout, which for 4-byte scalars is
-//! `#[repr(C)]`.
+//! This file is the only home of these facts. `cargo spirv` (`glsl/tool`) includes it, hands every
+//! constant to the kernels as a macro, compiles `glsl/abi.comp`, reads the members' offsets from its
+//! SPIR-V and writes one assertion per constant and field to `glsl/spirv/layout.rs`. So a constant that
+//! the kernels were not compiled with, or a struct that differs from its mirror in `glsl/abi.glsl`, is a
+//! compile error that names it. Blocks use scalar layout, which for 4-byte scalars is `#[repr(C)]`.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -53,7 +53,6 @@
 #![warn(missing_docs)]
 
 pub mod abi;
-#[cfg(feature = "glsl")]
 pub mod bench;
 mod cache;
 pub mod classic;
@@ -67,6 +66,7 @@ pub mod grid;
 pub mod image;
 pub mod pass;
 pub mod plan;
+mod prebuilt;
 mod random;
 pub mod reference;
 pub mod scene;
@@ -78,10 +78,3 @@ pub mod trace;
 pub mod vk;
 
 pub use error::{Error, Result};
-
-/// The engine's own kernels and the checks of what they share with the host.
-pub(crate) mod kernels {
-    use crate::abi;
-    include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
-    include!(concat!(env!("OUT_DIR"), "/layout.rs"));
-}

@@ -12,7 +12,7 @@ use tilewright::{
     vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
 };
 
-#[path = "../glsl/contraction.rs"]
+#[path = "../glsl/tool/contraction.rs"]
 mod contraction;
 
 /// Runs `body`, which turns `v`, four words of input, into `r`, four words of output, over `inputs`, one

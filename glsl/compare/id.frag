@@ -1,9 +1,10 @@
 #version 450
 // Writes the id of the primitive into the four bytes of an RGBA8 UNORM target, least significant
-// first. ID_OFFSET is where the push constants of the vertex shader beside it end.
+// first. Its push constant begins where those of the vertex shader beside it end: src/compare/id_pass.rs
+// sets the offset in the compiled module.
 
 layout(push_constant) uniform Ids {
-    layout(offset = ID_OFFSET) uint first_id;
+    layout(offset = 0) uint first_id;
 };
 
 layout(location = 0) out vec4 id_bytes;

@@ -3,7 +3,6 @@
 use super::{
     geometry::{Kind, Model, Object, Vertex, model},
     recipe::Recipe,
-    spirv,
 };
 use crate::{
     error::{Error, Result},
@@ -13,6 +12,7 @@ use crate::{
         Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Indices, Pass,
         Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
+    prebuilt::bench as prebuilt,
     random::Random,
     shader::{Shader, Stage},
     state::{Blend, Compare, Cull, DepthState},
@@ -39,7 +39,7 @@ fn shaders(varyings: u32) -> Result<(Arc<Shader>, Arc<Shader>)> {
         Some(made) => made,
         None => {
             let pair = |at: usize| {
-                let ((n, vertex), (_, fragment)) = (spirv::VERTEX[at], spirv::FRAGMENT[at]);
+                let ((n, vertex), (_, fragment)) = (prebuilt::VERTEX[at], prebuilt::FRAGMENT[at]);
                 let shader = |stage, label, words| {
                     Shader::from_spirv(stage, &format!("bench/{label} ({n})"), words).map(Arc::new)
                 };
@@ -49,7 +49,7 @@ fn shaders(varyings: u32) -> Result<(Arc<Shader>, Arc<Shader>)> {
                     shader(Stage::Fragment, "surface.frag", fragment)?,
                 ))
             };
-            let all = (0..spirv::VERTEX.len()).map(pair).collect::<Result<_>>()?;
+            let all = (0..prebuilt::VERTEX.len()).map(pair).collect::<Result<_>>()?;
             MADE.get_or_init(|| all)
         }
     };

@@ -1,7 +1,7 @@
 //! Where figures come from: without it they are worth nothing.
 
 use super::limits::Rates;
-use crate::{abi, kernels, vk::DeviceInfo};
+use crate::{abi, prebuilt, vk::DeviceInfo};
 use serde_json::{Value, json};
 use std::fs;
 
@@ -48,7 +48,8 @@ pub fn environment(device: &DeviceInfo, rates: Rates) -> Value {
 
 /// A number that changes with any of the engine's kernels (FNV-1a over their SPIR-V).
 fn kernel_hash() -> String {
-    let bytes = kernels::ALL.iter().flat_map(|words| words.iter()).flat_map(|w| w.to_le_bytes());
+    let bytes =
+        prebuilt::KERNELS.iter().flat_map(|words| words.iter()).flat_map(|w| w.to_le_bytes());
     let hash = bytes.fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
     });

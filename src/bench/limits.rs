@@ -5,11 +5,12 @@
 //! a stage at its limit is made faster only by giving it less to do. The least work is counted by what
 //! goes in and out of a stage by its contract, each value once, caches or no: it is no prediction.
 
-use super::{counts::Counts, spirv};
+use super::counts::Counts;
 use crate::{
     abi::Triangle,
     error::Result,
     image::Extent,
+    prebuilt::bench as prebuilt,
     vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
 };
 
@@ -49,14 +50,14 @@ impl Rates {
             recorder.fill(&to, 0)?;
             recorder.submit()?;
             let groups = (COPY_BYTES / 16 / GROUP) as u32;
-            let kernel = kernel("bench/copy", spirv::COPY)?;
+            let kernel = kernel("bench/copy", prebuilt::COPY)?;
             fastest(gpu, |recorder| {
                 recorder.kernel(&kernel).bind("From", &from).bind("To", &to).dispatch(wide(groups))
             })?
         };
         let atomics = {
             let counters = Buffer::<u32>::new(gpu, "counters", COUNTERS, Memory::Device)?;
-            let kernel = kernel("bench/atomic", spirv::ATOMIC)?;
+            let kernel = kernel("bench/atomic", prebuilt::ATOMIC)?;
             let groups = (ADDITIONS / GROUP) as u32;
             fastest(gpu, |recorder| {
                 recorder.kernel(&kernel).bind("Counters", &counters).dispatch(wide(groups))

@@ -33,11 +33,6 @@ mod scenes;
 pub mod statistics;
 mod table;
 
-/// SPIR-V of `glsl/bench/`.
-mod spirv {
-    include!(concat!(env!("OUT_DIR"), "/bench.rs"));
-}
-
 pub use alone::{Alone, in_empty_caches};
 pub use build::pass;
 pub use clock::{peak_bytes, process_cpu_ms};

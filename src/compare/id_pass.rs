@@ -18,15 +18,15 @@ use crate::{
     error::{Error, Result},
     format::Format,
     pass::{Draw, Pass, Pipeline},
+    prebuilt,
     shader::{Shader, Stage},
     target::ColorTarget,
 };
+use rspirv::spirv::{Decoration, Op};
 use std::{collections::HashMap, sync::Arc};
 
 /// Most draws of an id pass. Each is a few hundred bytes.
 const MAX_DRAWS: u64 = 1 << 22;
-
-const ID_SHADER: &str = include_str!("../../glsl/compare/id.frag");
 
 /// An id pass, and what its ids mean.
 #[derive(Clone, Debug)]
@@ -65,7 +65,7 @@ impl IdPass {
 /// # Errors
 /// [`Error::Usage`] for a draw of a pipeline that does not exist or of instances that have no number;
 /// [`Error::Capacity`] if the pass has more primitives than there are ids; [`Error::Full`] if it has
-/// more instances than draws are made for; [`Error::Shader`] if the id shader does not compile.
+/// more instances than draws are made for.
 pub fn id_pass(pass: &Pass) -> Result<IdPass> {
     let ranges = ranges(pass)?;
     let draws = ranges.iter().map(|range| id_draw(pass, range)).collect::<Result<_>>()?;
@@ -144,8 +144,24 @@ fn id_offset(pipeline: &Pipeline) -> Result<usize> {
 }
 
 fn id_shader(offset: usize) -> Result<Shader> {
-    let source = ID_SHADER.replace("ID_OFFSET)", &format!("{offset})"));
-    Shader::from_glsl(Stage::Fragment, "compare/id.frag", &source)
+    Shader::from_spirv(Stage::Fragment, "compare/id.frag", &id_module(offset as u32))
+}
+
+/// The id shader with its push constant at `offset`. SPIR-V takes a number there, no specialization
+/// constant.
+fn id_module(offset: u32) -> Vec<u32> {
+    let mut words = prebuilt::ID.to_vec();
+    let mut at = 5; // behind the header
+    while at < words.len() {
+        let (length, op) = (words[at] >> 16, words[at] & 0xffff);
+        // Target, member, decoration, value.
+        let operands = &mut words[at + 1..at + length as usize];
+        if op == Op::MemberDecorate as u32 && operands[2] == Decoration::Offset as u32 {
+            operands[3] = offset;
+        }
+        at += length as usize;
+    }
+    words
 }
 
 fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {

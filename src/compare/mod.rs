@@ -22,19 +22,15 @@
 //!
 //! [`Pass`]: crate::pass::Pass
 
-#[cfg(feature = "glsl")]
 mod both;
 pub mod clipping;
 mod difference;
-#[cfg(feature = "glsl")]
 mod id_pass;
 mod limits;
 mod picture;
 
-#[cfg(feature = "glsl")]
 pub use both::Both;
 pub use difference::{Difference, Drawn, NO_PRIMITIVE, compare, ids};
-#[cfg(feature = "glsl")]
 pub use id_pass::{IdPass, IdRange, id_pass};
 pub use limits::Limits;
 pub use picture::difference_picture;

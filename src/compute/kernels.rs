@@ -5,8 +5,8 @@ use crate::{
     abi,
     error::{Error, Result},
     format::Format,
-    kernels,
     plan::KernelKey,
+    prebuilt,
     shader::splice::{Blocks, Derivatives, SpliceOptions, splice},
     state::Compare,
     vk::{DeviceKind, Gpu, Kernel, KernelInfo},
@@ -59,11 +59,11 @@ impl Kernels {
         let constants = [("WIDTH", width)];
         let wide = |name, spirv| wide(width, name, spirv, &constants);
         let infos = [
-            plain("clear", kernels::CLEAR),
-            plain("primitive", kernels::PRIMITIVE),
-            wide("binning_scan", kernels::BINNING_SCAN),
-            plain("binning_scatter", kernels::BINNING_SCATTER),
-            wide("binning_sort", kernels::BINNING_SORT),
+            plain("clear", prebuilt::CLEAR),
+            plain("primitive", prebuilt::PRIMITIVE),
+            wide("binning_scan", prebuilt::BINNING_SCAN),
+            plain("binning_scatter", prebuilt::BINNING_SCATTER),
+            wide("binning_sort", prebuilt::BINNING_SORT),
         ];
         let made = in_parallel(&infos, |info| Kernel::new(gpu, info));
         let made = made.into_iter().collect::<Result<Vec<_>>>()?;
@@ -125,18 +125,18 @@ impl Kernels {
                 let in_place = self.gpu.reads_by_address().into();
                 let constants =
                     [("WIDTH", width), ("COMPARE", *compare as u32), ("IN_PLACE", in_place)];
-                let info = wide(width, "raster", kernels::RASTER, &constants);
+                let info = wide(width, "raster", prebuilt::RASTER, &constants);
                 return Kernel::new(&self.gpu, &info);
             }
             Wanted::Vertex(key) => {
-                ("vertex", kernels::VERTEX, key, vec![("LANES", vertex::lanes(width))])
+                ("vertex", prebuilt::VERTEX, key, vec![("LANES", vertex::lanes(width))])
             }
             Wanted::Shade(key, format) => {
-                ("shade", kernels::SHADE, key, vec![("WIDTH", width), ("FORMAT", *format)])
+                ("shade", prebuilt::SHADE, key, vec![("WIDTH", width), ("FORMAT", *format)])
             }
             Wanted::Ordered(key, format, depth) => {
                 let constants = vec![("WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
-                ("ordered", kernels::ORDERED, key, constants)
+                ("ordered", prebuilt::ORDERED, key, constants)
             }
         };
         let native = self.gpu.has_compute_derivatives();

@@ -1,4 +1,4 @@
-//! The shader pair of scenes: ordinary Vulkan GLSL, compiled when the crate is built.
+//! The shader pair of scenes: ordinary Vulkan GLSL, compiled before (see `prebuilt`).
 //!
 //! Two fragment modules from one source: with `discard` for MASK, and without it for everything
 //! else, because a shader that may discard costs every triangle it draws its early depth test.
@@ -14,6 +14,7 @@ use crate::{
     Result,
     image::Extent,
     pass::{Binding, BindingEntry, BindingSet, Buffer, BufferRange},
+    prebuilt::scene as prebuilt,
     shader::{Shader, Stage},
 };
 use glam::{DMat4, DVec3, Mat4};
@@ -27,10 +28,6 @@ pub(super) struct Shaders {
     pub mask: Arc<Shader>,
 }
 
-mod spirv {
-    include!(concat!(env!("OUT_DIR"), "/scene.rs"));
-}
-
 /// The modules, reflected once per process.
 pub(super) fn shaders() -> Result<Shaders> {
     static MADE: OnceLock<Shaders> = OnceLock::new();
@@ -39,9 +36,9 @@ pub(super) fn shaders() -> Result<Shaders> {
     }
     let module = |stage, label: &str, words| Shader::from_spirv(stage, label, words).map(Arc::new);
     let made = Shaders {
-        vertex: module(Stage::Vertex, "scene/material.vert", spirv::VERTEX)?,
-        opaque: module(Stage::Fragment, "scene/material.frag", spirv::FRAGMENT)?,
-        mask: module(Stage::Fragment, "scene/material.frag (mask)", spirv::MASK_FRAGMENT)?,
+        vertex: module(Stage::Vertex, "scene/material.vert", prebuilt::VERTEX)?,
+        opaque: module(Stage::Fragment, "scene/material.frag", prebuilt::FRAGMENT)?,
+        mask: module(Stage::Fragment, "scene/material.frag (mask)", prebuilt::MASK_FRAGMENT)?,
     };
     Ok(MADE.get_or_init(|| made).clone())
 }
@@ -158,8 +155,9 @@ mod tests {
 
     #[test]
     fn blocks_have_the_layout_of_the_shaders() {
-        let [vertex, fragment, mask] = [spirv::VERTEX, spirv::FRAGMENT, spirv::MASK_FRAGMENT]
-            .map(|words| rspirv::dr::load_words(words).unwrap());
+        let [vertex, fragment, mask] =
+            [prebuilt::VERTEX, prebuilt::FRAGMENT, prebuilt::MASK_FRAGMENT]
+                .map(|words| rspirv::dr::load_words(words).unwrap());
         macro_rules! same {
             ($modules:expr, $block:literal, $rust:ty: $($member:ident)*) => {
                 for module in $modules {

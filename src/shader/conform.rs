@@ -8,7 +8,7 @@ use super::{
     Shader, Stage,
     splice::{Blocks, Derivatives, SpliceOptions, splice, verify},
 };
-use crate::{Error, Result, kernels};
+use crate::{Error, Result, prebuilt};
 use std::path::{Path, PathBuf};
 
 /// How far a shader got before it was refused.
@@ -100,8 +100,8 @@ fn attempt(
     let shader = Shader::from_file(folder, path).map_err(|e| (Step::Compile, reason(e)))?;
     result.compiled += 1;
     let kernels: &[&[u32]] = match shader.stage {
-        Stage::Vertex => &[kernels::VERTEX],
-        Stage::Fragment => &[kernels::SHADE, kernels::ORDERED],
+        Stage::Vertex => &[prebuilt::VERTEX],
+        Stage::Fragment => &[prebuilt::SHADE, prebuilt::ORDERED],
     };
     let both = [Blocks::InPlace, Blocks::Prefetched];
     for (kernel, blocks) in kernels.iter().flat_map(|kernel| both.map(|b| (kernel, b))) {

@@ -7,7 +7,7 @@
 //! time: what they depend on is not in them.
 
 use super::Stage;
-use crate::{cache, kernels};
+use crate::{cache, prebuilt};
 use std::{
     path::{Path, PathBuf},
     sync::OnceLock,
@@ -58,7 +58,7 @@ fn maker() -> &'static str {
             include_bytes!("compiler.rs").as_slice(),
             include_bytes!("compile.rs").as_slice(),
         ]);
-        let kernels = [kernels::VERTEX, kernels::SHADE, kernels::ORDERED].concat();
+        let kernels = [prebuilt::VERTEX, prebuilt::SHADE, prebuilt::ORDERED].concat();
         let bytes: Vec<u8> = kernels.iter().flat_map(|w| w.to_le_bytes()).collect();
         let compiler = cache::checksum([bytes.as_slice()]);
         format!("tilewright {} {settings:016x} {compiler:016x}\n", env!("CARGO_PKG_VERSION"))

@@ -434,18 +434,18 @@ fn aligned(bytes: u32) -> [Operand; 2] {
 mod tests {
     use super::*;
     use crate::{
-        kernels,
+        prebuilt,
         shader::testing::{complaint, kernel},
     };
 
     #[test]
     fn every_kernel_stays_valid() {
-        for words in kernels::ALL {
+        for words in prebuilt::KERNELS {
             let Some(addressed) = lower(words).unwrap() else { continue };
             assert_eq!(complaint(&addressed.spirv), None);
             assert!(lower(&addressed.spirv).unwrap().is_none(), "nothing is left to replace");
         }
-        let shade = lower(kernels::SHADE).unwrap().unwrap();
+        let shade = lower(prebuilt::SHADE).unwrap().unwrap();
         assert!(shade.table && !shade.uses_table && shade.blocks.len() >= 5);
     }
 

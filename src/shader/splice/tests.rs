@@ -1,7 +1,7 @@
 //! Every feature, spliced into the least kernels and checked by `spirv-val`.
 
 use super::*;
-use crate::kernels;
+use crate::prebuilt;
 use crate::shader::compile::tests::kernel;
 use rspirv::dr;
 use std::{
@@ -15,11 +15,11 @@ use std::{
 fn hosts(stage: Stage) -> &'static [Vec<u32>] {
     static VERTEX: LazyLock<Vec<Vec<u32>>> = LazyLock::new(|| {
         let least = kernel(include_str!("../../../tests/fixtures/vertex.comp"));
-        vec![kernels::VERTEX.to_vec(), least]
+        vec![prebuilt::VERTEX.to_vec(), least]
     });
     static FRAGMENT: LazyLock<Vec<Vec<u32>>> = LazyLock::new(|| {
         let least = kernel(include_str!("../../../tests/fixtures/fragment.comp"));
-        vec![kernels::SHADE.to_vec(), kernels::ORDERED.to_vec(), least]
+        vec![prebuilt::SHADE.to_vec(), prebuilt::ORDERED.to_vec(), least]
     });
     match stage {
         Stage::Vertex => &VERTEX,

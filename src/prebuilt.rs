@@ -1,0 +1,97 @@
+//! The SPIR-V that the library contains: the engine's kernels, the scenes' shaders, the benchmark's, the id
+//! shader. `cargo spirv` makes the files of `glsl/spirv/` from the GLSL beside them; what keeps them in
+//! step is said in `glsl/build.rs`.
+
+// Whether constants and structs of `abi` are those that the kernels were compiled with.
+#[rustfmt::skip]
+#[path = "../glsl/spirv/layout.rs"]
+mod layout;
+
+/// The words of a file of `glsl/spirv/`.
+macro_rules! file {
+    ($name:literal) => {{
+        const BYTES: &[u8] = include_bytes!(concat!("../glsl/spirv/", $name, ".spv"));
+        const WORDS: [u32; BYTES.len() / 4] = words(BYTES);
+        &WORDS
+    }};
+}
+
+const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
+    let (chunks, rest) = bytes.as_chunks::<4>();
+    assert!(rest.is_empty(), "a SPIR-V file is words");
+    let mut words = [0; N];
+    let mut at = 0;
+    while at < N {
+        words[at] = u32::from_le_bytes(chunks[at]);
+        at += 1;
+    }
+    words
+}
+
+/// `clear.comp`.
+pub const CLEAR: &[u32] = file!("clear.comp");
+/// `vertex.comp`.
+pub const VERTEX: &[u32] = file!("vertex.comp");
+/// `primitive.comp`.
+pub const PRIMITIVE: &[u32] = file!("primitive.comp");
+/// `binning_scan.comp`.
+pub const BINNING_SCAN: &[u32] = file!("binning_scan.comp");
+/// `binning_scatter.comp`.
+pub const BINNING_SCATTER: &[u32] = file!("binning_scatter.comp");
+/// `binning_sort.comp`.
+pub const BINNING_SORT: &[u32] = file!("binning_sort.comp");
+/// `raster.comp`.
+pub const RASTER: &[u32] = file!("raster.comp");
+/// `shade.comp`.
+pub const SHADE: &[u32] = file!("shade.comp");
+/// `ordered.comp`.
+pub const ORDERED: &[u32] = file!("ordered.comp");
+
+/// All kernels.
+pub const KERNELS: &[&[u32]] = &[
+    BINNING_SCAN,
+    BINNING_SCATTER,
+    BINNING_SORT,
+    CLEAR,
+    ORDERED,
+    PRIMITIVE,
+    RASTER,
+    SHADE,
+    VERTEX,
+];
+
+/// The scenes' shader pair, and its fragment shader with `ALPHA_MASK`.
+pub mod scene {
+    use super::words;
+
+    pub const VERTEX: &[u32] = file!("material.vert");
+    pub const FRAGMENT: &[u32] = file!("material.frag");
+    pub const MASK_FRAGMENT: &[u32] = file!("material-mask.frag");
+}
+
+/// The fragment shader of id passes. The offset of its push constant is to be set.
+pub const ID: &[u32] = file!("id.frag");
+
+/// The benchmark's shaders.
+pub mod bench {
+    use super::words;
+
+    /// The vertex shader, with so many further varyings.
+    pub const VERTEX: [(u32, &[u32]); 4] = [
+        (0, file!("surface-0.vert")),
+        (4, file!("surface-4.vert")),
+        (8, file!("surface-8.vert")),
+        (12, file!("surface-12.vert")),
+    ];
+    /// The fragment shader, with so many further varyings.
+    pub const FRAGMENT: [(u32, &[u32]); 4] = [
+        (0, file!("surface-0.frag")),
+        (4, file!("surface-4.frag")),
+        (8, file!("surface-8.frag")),
+        (12, file!("surface-12.frag")),
+    ];
+    /// `bench/copy.comp`.
+    pub const COPY: &[u32] = file!("copy.comp");
+    /// `bench/atomic.comp`.
+    pub const ATOMIC: &[u32] = file!("atomic.comp");
+}
