@@ -227,6 +227,28 @@ fn a_missing_barrier_is_reported_by_the_validation_layer() {
     assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{messages:?}");
 }
 
+/// Kernels that reach blocks by address read two words at a time: a block that begins between two pairs
+/// would be read at an address that Vulkan does not allow.
+#[test]
+fn a_block_by_address_begins_at_a_pair_of_words() {
+    on_each_gpu("a block by address begins at a pair of words", |gpu| {
+        let (kernel, _) = add(gpu);
+        let offset = gpu.limits().storage_offset_bytes.max(8) as usize / 4;
+        let cells = Buffer::<u32>::new(gpu, "cells", offset + 64, Memory::Device).unwrap();
+        let dispatch = |first: usize| {
+            let cells = cells.slice(first..first + 64).unwrap();
+            let mut recorder = Recorder::new(gpu, "shifted").unwrap();
+            recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1])
+        };
+        dispatch(offset).unwrap();
+        if gpu.reads_by_address() || gpu.limits().storage_offset_bytes > 4 {
+            let error = dispatch(1).unwrap_err();
+            assert!(matches!(error, Error::Usage(_)), "{error}");
+            assert!(error.to_string().contains("`cells`"), "{error}");
+        }
+    });
+}
+
 const ENDLESS: &str = "#version 460
 layout(local_size_x = 4) in;
 layout(binding = 0) buffer Cells { uint cells[]; };

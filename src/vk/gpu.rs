@@ -111,6 +111,8 @@ pub(crate) struct Shared {
     /// Whether kernels reach blocks by address (`address.rs`).
     pub addresses: bool,
     pub derivatives: bool,
+    /// Whether kernels may compute with 64-bit integers.
+    pub int64: bool,
     pub int64_atomics: bool,
     pub unified_memory: bool,
     pub timestamps: Option<TimestampUnit>,
@@ -205,6 +207,7 @@ impl Gpu {
             limits: limits(&probe, &info),
             graphics,
             derivatives: probe.derivatives_extension().is_some(),
+            int64: probe.features.shader_int64 == vk::TRUE,
             int64_atomics: probe.features12.shader_buffer_int64_atomics
                 & probe.features.shader_int64
                 == vk::TRUE,

@@ -70,7 +70,7 @@ impl Kernel {
 
         let shared = gpu.0.clone();
         let addressed = match shared.addresses {
-            true => address::lower(info.spirv).map_err(fault)?,
+            true => address::lower(info.spirv, shared.int64).map_err(fault)?,
             false => None,
         };
         if let Some(addressed) = &addressed {

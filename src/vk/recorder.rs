@@ -8,6 +8,7 @@
 //! the debug label and takes the timestamps, so that no stage can forget one of them.
 
 use super::{
+    address::BLOCK_BYTES,
     buffer::{Buffer, Memory, RawBuffer},
     gpu::Gpu,
     image::Image,
@@ -288,6 +289,14 @@ impl Dispatch<'_> {
             return fault(format!("has `{name}` bound twice"));
         }
         let (offset, bytes) = check_binding(&self.recorder.gpu, buffer)?;
+        let by_address = matches!(block.kind, BindingKind::Address(_));
+        if by_address && !(buffer.raw().address + offset).is_multiple_of(BLOCK_BYTES) {
+            return fault(format!(
+                "reads `{name}` by address; buffer `{}` from byte {offset} on does not begin at a \
+                 multiple of {BLOCK_BYTES} bytes of memory, as it has to",
+                buffer.name()
+            ));
+        }
         self.bound.push(Bound {
             binding: block.binding,
             kind: block.kind,
