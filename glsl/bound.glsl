@@ -12,8 +12,8 @@
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
 layout(scalar, binding = 0) readonly buffer Pieces { QuadPiece pieces[]; };
 layout(scalar, binding = 1) readonly buffer Triangles { QuadTriangle triangles[]; };
-layout(scalar, binding = 2) readonly buffer Positions { vec4 positions[]; };
-layout(scalar, binding = 3) readonly buffer Varyings { uint varyings[]; };
+layout(scalar, binding = 2) readonly buffer Positions { uvec2 positions[][2]; };
+layout(scalar, binding = 3) readonly buffer Varyings { uvec2 varyings[]; };
 layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[]; };
 
 layout(scalar, set = SET_TABLE, binding = TABLE_BUFFERS) readonly buffer Words { uint words[]; } table[];
@@ -35,9 +35,10 @@ struct Bound {
 
 Bound bound = Bound(0u, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0));
 
-// Word `lane & 3` of each location the shader reads, for each vertex.
+// Varyings of each vertex, two locations at a time: of each, two lanes of the quad hold two words. The first and
+// the second word of this lane follow each other.
 uvec3 parts[MAX_VARYINGS];
-uvec3 varying_base; // first word of each vertex's varyings
+uvec3 varying_base; // first pair of words of each vertex's varyings
 
 // Replaced by the splicer.
 void tw_user_bind();
@@ -68,14 +69,17 @@ void bind(const uint piece) {
 // triangles meet, were no faster, and none kept a fifth slower on large ones.)
 Bound bind_triangle(const uint key) {
     if (key == bound.key) return bound;
-    uint at = key_triangle(key, batch.extra_first), part = QUAD_LANE;
-    uvec4 fields = of_quad(triangles[at].depth_piece[part]);
-    uvec4 vertices = of_quad(triangles[at].vertices_flags[part]);
-    vec3 corners = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);
-    bound = Bound(key, uintBitsToFloat(fields.xyz), vertices.w, subgroupQuadBroadcast(corners, 0u),
-                  subgroupQuadBroadcast(corners, 1u), subgroupQuadBroadcast(corners, 3u));
+    uvec2 own = triangles[key_triangle(key, batch.extra_first)].shading[QUAD_LANE];
+    uvec4 fields = of_first_half(own), vertices = of_second_half(own);
+    // Two lanes for each of two vertices; the third takes two as well.
+    uint half_vertex = QUAD_LANE & 1u;
+    uvec2 of_two = positions[QUAD_LANE < 2u ? vertices.x : vertices.y][half_vertex];
+    vec4 a = uintBitsToFloat(of_first_half(of_two)), b = uintBitsToFloat(of_second_half(of_two));
+    vec4 c = uintBitsToFloat(of_first_half(positions[vertices.z][half_vertex]));
+    bound = Bound(key, uintBitsToFloat(fields.xyz), vertices.w, vec3(a.x, b.x, c.x), vec3(a.y, b.y, c.y),
+                  vec3(a.w, b.w, c.w));
     bind(fields.w);
-    varying_base = piece_varyings + (vertices.xyz - piece_vertices) * varying_stride;
+    varying_base = (piece_varyings + (vertices.xyz - piece_vertices) * varying_stride) >> 1;
     tw_user_bind_inputs();
     return bound;
 }

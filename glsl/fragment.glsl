@@ -29,15 +29,24 @@ uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)
     return of_quad(table[nonuniformEXT(slot)].words[min(word + QUAD_LANE, last)]);
 }
 
-void tw_bind_input(const in uint location) {
-    uvec3 at = varying_base + location * 4u + QUAD_LANE;
-    parts[location] = uvec3(varyings[at.x], varyings[at.y], varyings[at.z]);
+void tw_bind_inputs(const in uint location) {
+    uvec3 at = varying_base + location * 2u + QUAD_LANE;
+    uvec2 a = varyings[at.x], b = varyings[at.y], c = varyings[at.z];
+    parts[location] = uvec3(a.x, b.x, c.x);
+    parts[location + 1u] = uvec3(a.y, b.y, c.y);
+}
+
+// What the lanes keep of `location` for one of the vertices.
+uvec4 input_words(const uint location, const uint vertex) {
+    uint even = location & ~1u;
+    uvec2 own = uvec2(parts[even][vertex], parts[even + 1u][vertex]);
+    if (even == location) return of_first_half(own);
+    return of_second_half(own);
 }
 
 vec4 interpolate(const vec3 weights, const uint location) {
-    vec3 part = uintBitsToFloat(parts[location]);
-    return vec4(dot(weights, subgroupQuadBroadcast(part, 0u)), dot(weights, subgroupQuadBroadcast(part, 1u)),
-                dot(weights, subgroupQuadBroadcast(part, 2u)), dot(weights, subgroupQuadBroadcast(part, 3u)));
+    return weights.x * uintBitsToFloat(input_words(location, 0u)) + weights.y * uintBitsToFloat(input_words(location, 1u)) +
+           weights.z * uintBitsToFloat(input_words(location, 2u));
 }
 
 vec4 tw_input_smooth(const in uint location) {
@@ -49,7 +58,7 @@ vec4 tw_input_noperspective(const in uint location) {
 }
 
 uvec4 tw_input_flat(const in uint location) {
-    return of_quad(parts[location].x);
+    return input_words(location, 0u);
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
@@ -76,7 +85,7 @@ void tw_user_bind() {
 }
 
 void tw_user_bind_inputs() {
-    tw_bind_input(0u);
+    tw_bind_inputs(0u);
 }
 
 void tw_user_main() {

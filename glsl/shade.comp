@@ -29,7 +29,7 @@ layout(scalar, binding = 7) writeonly buffer Color { uint color[]; };
 // A key that a pixel shows, 0 if its triangle is another fragment kernel's.
 uint own_key(const uint key) {
     if (key == 0u) return key;
-    uint piece = triangles[key_triangle(key, batch.extra_first)].depth_piece.w;
+    uint piece = triangles[key_triangle(key, batch.extra_first)].shading[1].y;
     return pieces[piece].fragment_kernel == batch.fragment_kernel ? key : 0u;
 }
 

@@ -164,6 +164,7 @@ impl Setup {
         let fragment_kernels =
             plan.batches.iter().map(|b| b.fragment_kernels.len()).max().unwrap_or(1);
         let device = Memory::Device;
+        let varying_words = capacities.varying_words + Capacities::VARYING_OVERHANG;
         let words_of = |name: &str, len: usize| Buffer::<u32>::new(gpu, name, len.max(1), device);
         let start = vec![[0, 1, 1]; fragment_kernels];
         let buffers = Buffers {
@@ -177,10 +178,7 @@ impl Setup {
                 capacities.vertices as usize,
                 device,
             )?,
-            varyings: words_of(
-                "varyings",
-                (capacities.varying_words as usize).next_multiple_of(4),
-            )?,
+            varyings: words_of("varyings", varying_words.next_multiple_of(4) as usize)?,
             triangles: Buffer::new(gpu, "triangles", capacities.triangles() as usize, device)?,
             primitive_cells: words_of("primitive cells", capacities.primitives as usize)?,
             cell_counts: words_of("cell counts", band.cells as usize)?,

@@ -35,7 +35,7 @@ pub(super) fn write(
     glue.resources(imported, indices)?;
     glue.code.instructions.extend(prefetched);
     if stage == Stage::Vertex {
-        glue.bind_each(imported, "tw_bind_attribute(u1;", abi::MAX_ATTRIBUTES)?;
+        glue.bind_each(imported, "tw_bind_attribute(u1;", 1, abi::MAX_ATTRIBUTES)?;
     }
     glue.code.effect(Op::Return, vec![]);
     let body = glue.code.instructions;
@@ -43,7 +43,7 @@ pub(super) fn write(
 
     if stage == Stage::Fragment {
         let mut glue = Glue { code: Code::new(linker), hooks, stage };
-        glue.bind_each(imported, "tw_bind_input(u1;", abi::MAX_VARYINGS)?;
+        glue.bind_each(imported, "tw_bind_inputs(u1;", 2, abi::MAX_VARYINGS)?;
         glue.code.effect(Op::Return, vec![]);
         let body = glue.code.instructions;
         replace_stub(linker, hooks.function("tw_user_bind_inputs(")?, body)?;
@@ -89,15 +89,23 @@ impl Glue<'_> {
         Ok(())
     }
 
-    /// Calls `hook` for each input location below `limit`.
-    fn bind_each(&mut self, imported: &Imported, hook: &str, limit: u32) -> Outcome<()> {
+    /// Calls `hook` for the input locations below `limit`, with the first of each `group` of locations that
+    /// has one.
+    fn bind_each(
+        &mut self,
+        imported: &Imported,
+        hook: &str,
+        group: u32,
+        limit: u32,
+    ) -> Outcome<()> {
         let inputs = imported.ports.iter().filter(|p| !p.output);
         let locations: BTreeSet<u32> =
             inputs.flat_map(Port::leaves).map(|leaf| leaf.varying.location).collect();
-        for location in locations {
-            if location >= limit {
-                return Err(format!("it reads location {location} of {limit}"));
-            }
+        if let Some(beyond) = locations.last().filter(|&&location| location >= limit) {
+            return Err(format!("it reads location {beyond} of {limit}"));
+        }
+        let groups: BTreeSet<u32> = locations.iter().map(|location| location / group).collect();
+        for location in groups.into_iter().map(|number| number * group) {
             let hook = self.hooks.function(hook)?;
             let location = self.code.linker.uint_constant(location);
             let void = self.code.linker.void();

@@ -15,7 +15,7 @@
 //! | `void tw_bind_attribute(const in uint location)` | vertex | an attribute that will be read |
 //! | `vec4 tw_attribute_float(const in uint location)` | vertex | an attribute as floats |
 //! | `uvec4 tw_attribute_uint(const in uint location)` | vertex | an integer attribute's bits |
-//! | `void tw_bind_input(const in uint location)` | fragment | an input that will be read |
+//! | `void tw_bind_inputs(const in uint location)` | fragment | inputs at `location`, which is even, and the one after it, of which one or both will be read |
 //! | `vec4 tw_input_smooth(const in uint location)` | fragment | interpolated with perspective |
 //! | `vec4 tw_input_noperspective(const in uint location)` | fragment | interpolated on the screen |
 //! | `uvec4 tw_input_flat(const in uint location)` | fragment | the provoking vertex's bits |
