@@ -76,7 +76,7 @@ pub const SPEC_DEPTH: u32 = 65540;
 pub const SPEC_ATTRIBUTE: u32 = 65664;
 /// Attribute format: first bit of the number of components.
 pub const ATTRIBUTE_COUNT_SHIFT: u32 = 8;
-/// Attribute format: it advances per instance.
+/// Attribute format: it is the same for all vertices of an instance.
 pub const ATTRIBUTE_PER_INSTANCE: u32 = 4096;
 /// Depth test before the shader, write after it unless it discards.
 pub const DEPTH_EARLY_TEST: u32 = 0;

@@ -1,10 +1,10 @@
 //! The test suite: one binary, one module for each question it answers.
 
+mod attributes;
 mod bench;
 mod classic;
 mod cli;
 mod common;
-mod extremes;
 mod kernels;
 mod large;
 mod parity;

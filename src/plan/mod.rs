@@ -25,7 +25,7 @@ use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     grid::Capacities,
-    pass::{Binding, Buffer, Pass, Pipeline, StepRate, VertexAttribute},
+    pass::{Binding, Buffer, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding},
     shader::{Reflection, Shader},
     state::Compare,
 };
@@ -367,8 +367,10 @@ impl Planner<'_> {
 fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
     let format = |attribute: &VertexAttribute| {
         let format = attribute.format;
-        let rate = pipeline.vertex_bindings[attribute.binding as usize].rate;
-        let per_instance = u32::from(rate == StepRate::Instance) * abi::ATTRIBUTE_PER_INSTANCE;
+        let VertexBinding { stride, rate } = pipeline.vertex_bindings[attribute.binding as usize];
+        // One element for all vertices is also one for all vertices of an instance.
+        let per_instance = rate == StepRate::Instance || stride == 0;
+        let per_instance = u32::from(per_instance) * abi::ATTRIBUTE_PER_INSTANCE;
         let count = u32::from(format.count) << abi::ATTRIBUTE_COUNT_SHIFT;
         (attribute.location, format.component as u32 | count | per_instance)
     };

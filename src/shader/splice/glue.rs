@@ -1,5 +1,6 @@
-//! The bodies of the stubs: `tw_user_bind`, what one draw needs once, `tw_user_bind_inputs`, what one
-//! triangle needs once, and `tw_user_main`, what comes before and after the user's entry point.
+//! The bodies of the stubs: `tw_user_bind`, what one draw needs once, `tw_user_bind_instance` and
+//! `tw_user_bind_inputs`, what one instance and one triangle need once, and `tw_user_main`, what comes
+//! before and after the user's entry point.
 //!
 //! Binding: the table indices of the draw's resources, what is brought over from uniform blocks, and
 //! the vertex attributes or the triangle's varyings that will be read. Calling: first the initial values of the user's variables
@@ -41,13 +42,21 @@ pub(super) fn write(
     let body = glue.code.instructions;
     replace_stub(linker, hooks.function("tw_user_bind(")?, body)?;
 
-    if stage == Stage::Fragment {
-        let mut glue = Glue { code: Code::new(linker), hooks, stage };
-        glue.bind_each(imported, "tw_bind_inputs(u1;", 2, abi::MAX_VARYINGS)?;
-        glue.code.effect(Op::Return, vec![]);
-        let body = glue.code.instructions;
-        replace_stub(linker, hooks.function("tw_user_bind_inputs(")?, body)?;
-    }
+    let mut glue = Glue { code: Code::new(linker), hooks, stage };
+    let stub = match stage {
+        Stage::Vertex => {
+            let hook = "tw_bind_instance_attribute(u1;";
+            glue.bind_each(imported, hook, 1, abi::MAX_ATTRIBUTES)?;
+            "tw_user_bind_instance("
+        }
+        Stage::Fragment => {
+            glue.bind_each(imported, "tw_bind_inputs(u1;", 2, abi::MAX_VARYINGS)?;
+            "tw_user_bind_inputs("
+        }
+    };
+    glue.code.effect(Op::Return, vec![]);
+    let body = glue.code.instructions;
+    replace_stub(linker, hooks.function(stub)?, body)?;
 
     let mut glue = Glue { code: Code::new(linker), hooks, stage };
     for &(variable, value) in &imported.initial {
