@@ -168,3 +168,20 @@ fn attributes_per_instance_and_constant_ones_reach_every_vertex() {
         }
     });
 }
+
+/// Who shows a picture needs no depth.
+#[test]
+fn the_colour_alone_is_that_of_the_frame() {
+    on_each_gpu("the colour alone is that of the frame", |gpu| {
+        let pass = pass(1, DepthState::LESS);
+        let mut prepared = compute::Renderer::new(gpu).unwrap().prepare(&pass).unwrap();
+        prepared.execute().unwrap();
+        let frame = prepared.read().unwrap();
+        assert_eq!(prepared.read_color().unwrap(), frame.color);
+        check(&frame, "read");
+        let mut prepared = classic::Renderer::new(gpu).unwrap().prepare(&pass).unwrap();
+        prepared.execute().unwrap();
+        let color = prepared.read_color().unwrap();
+        assert_eq!(color, prepared.read().unwrap().color);
+    });
+}

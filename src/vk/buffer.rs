@@ -161,15 +161,29 @@ impl<T: Pod> Buffer<T> {
     /// # Errors
     /// [`Error::Usage`] if it is not a [`Memory::Readback`] buffer.
     pub fn read(&self) -> Result<Vec<T>> {
+        let mut content = Vec::new();
+        self.append_to(&mut content)?;
+        Ok(content)
+    }
+
+    /// Appends the content, as [`Buffer::read`] returns it. Memory that is new to the process takes longer
+    /// to come by than to fill: what is read in parts is best read into room for all of them.
+    ///
+    /// # Errors
+    /// As [`Buffer::read`].
+    pub fn append_to(&self, content: &mut Vec<T>) -> Result<()> {
         let mapped = self.raw.mapped(Memory::Readback)?;
-        let mut content = vec![T::zeroed(); self.len];
-        let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut content);
-        // SAFETY: `offset + bytes.len()` is inside the buffer, which is mapped as a whole.
+        content.reserve_exact(self.len);
+        let (filled, bytes) = (content.len(), self.bytes() as usize);
+        // SAFETY: `offset + bytes` is inside the buffer, which is mapped as a whole; after `filled`, the
+        // vector has room for as many elements; any bytes are a `T`, which is plain data.
         unsafe {
             let from = mapped.add(self.offset as usize);
-            std::ptr::copy_nonoverlapping(from, bytes.as_mut_ptr(), bytes.len());
+            let to = content.as_mut_ptr().add(filled).cast::<u8>();
+            std::ptr::copy_nonoverlapping(from, to, bytes);
+            content.set_len(filled + self.len);
         }
-        Ok(content)
+        Ok(())
     }
 
     /// The same bytes as elements of another type.
