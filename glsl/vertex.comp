@@ -18,6 +18,7 @@
 #include "lib/window.glsl"
 
 layout(constant_id = SPEC_LANES) const uint LANES = 64u;
+layout(constant_id = SPEC_READ) const uint READ = 0xffffffffu;
 layout(local_size_x_id = SPEC_LANES) in;
 layout(scalar, binding = 0) readonly buffer Pieces { QuadPiece pieces[]; };
 layout(scalar, binding = 1) writeonly buffer Positions { vec4 positions[]; };
@@ -47,6 +48,7 @@ uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
+    if (location >= MAX_VARYINGS || (READ >> location & 1u) == 0u) return;
     if (count == 4u) {
         varyings[varying_base + location] = value;
     } else {

@@ -70,6 +70,9 @@ pub const SPEC_IN_PLACE: u32 = 65542;
 pub const SPEC_FORMAT: u32 = 65538;
 /// Specialization constant: when the depth test happens, one of `DEPTH_*`.
 pub const SPEC_DEPTH: u32 = 65540;
+/// Specialization constant: a bit for each varying location that the fragment shader reads; what a vertex
+/// shader writes to others is not stored.
+pub const SPEC_READ: u32 = 65543;
 /// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
 /// there is none: its `Component`, the number of components from bit
 /// [`ATTRIBUTE_COUNT_SHIFT`] on, and [`ATTRIBUTE_PER_INSTANCE`].

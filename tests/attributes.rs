@@ -4,7 +4,7 @@
 use crate::common::on_each_gpu;
 use std::sync::Arc;
 use tilewright::{
-    classic, compute,
+    bench, classic, compute,
     format::{Component, Format, VertexFormat},
     grid::Capacities,
     image::Extent,
@@ -35,11 +35,13 @@ layout(location = 0) out vec4 unread;
 layout(location = 1) flat out uint number;
 layout(location = 3) out vec4 also_unread;
 layout(location = 6) out vec2 shade;
+layout(location = 9) out vec4 beyond;
 void main() {
     vec2 at = (corner + vec2(place)) / vec2(CELLS) * 2.0 - 1.0;
     gl_Position = vec4(at, 0.0, 1.0);
     unread = vec4(corner, 3.0, 4.0);
     also_unread = vec4(5.0);
+    beyond = vec4(6.0);
     number = uint(gl_InstanceIndex) + shift;
     shade = paint + tint + missing.xy;
 }";
@@ -167,6 +169,13 @@ fn attributes_per_instance_and_constant_ones_reach_every_vertex() {
             }
         }
     });
+}
+
+#[test]
+fn what_no_fragment_shader_reads_is_not_stored() {
+    let counts = bench::Counts::new(&pass(1, DepthState::LESS)).unwrap();
+    // Locations up to the last that is read, for four vertices of each instance.
+    assert_eq!(counts.varying_words, u64::from(4 * (6 + 1) * 4 * COLUMNS * ROWS));
 }
 
 /// Who shows a picture needs no depth.

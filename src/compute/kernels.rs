@@ -152,7 +152,9 @@ impl Kernels {
         let spliced = splice(words, &key.shader, &options)?;
         let attributes = key.attributes.iter();
         let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
-        let constant_ids: Vec<_> = key.specialization.iter().copied().chain(attributes).collect();
+        let read = (abi::SPEC_READ, key.read);
+        let own = key.specialization.iter().copied();
+        let constant_ids: Vec<_> = own.chain(attributes).chain([read]).collect();
         let name = format!("{stage} {}", key.shader.label);
         let info = wide(width, &name, &spliced.spirv, &constants);
         Kernel::new(&self.gpu, &KernelInfo { constant_ids: &constant_ids, ..info })
