@@ -65,8 +65,7 @@ void bind(const uint piece) {
 }
 
 // The triangle of `key`, which is that of the hooks from here on; all four lanes of a quad call it
-// together. Quads of large triangles follow each other and find it bound. (Two of them kept, for where
-// triangles meet, were no faster, and none kept a fifth slower on large ones.)
+// together. Quads of large triangles follow each other and find it bound.
 Bound bind_triangle(const uint key) {
     if (key == bound.key) return bound;
     uvec2 own = triangles[key_triangle(key, batch.extra_first)].shading[QUAD_LANE];

@@ -11,10 +11,7 @@
 // One subgroup is one workgroup is one bin. It walks the four sorted lists as one, triangle by
 // triangle: first all pixels under its box are tested, then the shader runs in each quad where one of
 // them passed, with nothing to fetch between one quad and the next. A pixel's colour and depth stay in
-// memory, touched by one lane only.
-//
-// What was tried: leaving out patches that an edge has outside, as raster does, gained nothing for leaves and
-// lost a little for layers; grouping the terms of the sRGB polynomials for shorter chains changed nothing.
+// memory, touched by one lane only. `docs/tried.md` says what was tried.
 #version 460
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;

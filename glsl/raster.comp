@@ -15,13 +15,8 @@
 // triangle covers in front of everything, and one where everything is hidden, do without all of that:
 // bounds of what a bin holds are kept from batch to batch.
 //
-// What was tried: everything in registers, all loops unrolled, tested the 64 pixels of a quadrant for a
-// triangle of three, and took lavapipe three seconds to compile. Depth and key in shared memory, as GPUs
-// have them, cost a CPU four walks over its lanes for each patch, and with `fill` and the copy back a
-// quarter of the stage: hence IN_PLACE. To find the farthest depth of a block after each round cost a sixth of
-// the stage where surfaces hide little; to do so after each eighth, a fifth where they hide much. Leaving out
-// patches of the box that the triangle misses made the stage a quarter faster for needles. To reject what is
-// hidden by rough depth first gained nothing. Handing the pixel coordinate to shorter arithmetic, since it has 12 bits at most, gave nothing.
+// Depth and key of a pixel are in the targets' own memory where a CPU is the device (IN_PLACE). `docs/tried.md` says
+// what was tried.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
 #include "abi.glsl"

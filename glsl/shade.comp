@@ -10,8 +10,7 @@
 // One subgroup is one workgroup is one bin. Each lane looks at another quad of the bin and counts the
 // triangles that it shows; what there is to shade, a quad and one of its triangles, is then numbered
 // through, and as many of these are taken at a time as the subgroup has quads, so that quads with one
-// triangle do not wait for quads with four. Lists in shared memory were the arrangement before: the
-// barrier alone, which is a coroutine to lavapipe, made compiling a third dearer.
+// triangle do not wait for quads with four. `docs/tried.md` says what was tried.
 #version 460
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require

@@ -1,9 +1,8 @@
 //! The targets of one band: colour and depth in rows, where kernels read and write them and where the
 //! host finds them.
 //!
-//! Kernels work on the target's own rows. Working bin by bin between a clear and a resolve of all
-//! pixels was the arrangement before; on lavapipe those two passes alone took longer than the
-//! device's own pipeline for a whole simple picture, and bins in memory bought nothing in return.
+//! Kernels work on the target's own rows, with no copy of a bin between a clear and a resolve of all
+//! pixels; `docs/tried.md` says what that cost.
 
 use crate::{
     error::Result,
