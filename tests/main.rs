@@ -4,6 +4,7 @@ mod bench;
 mod classic;
 mod cli;
 mod common;
+mod devices;
 mod extremes;
 mod kernels;
 mod large;
