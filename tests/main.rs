@@ -5,6 +5,8 @@ mod bench;
 mod classic;
 mod cli;
 mod common;
+mod devices;
+mod extremes;
 mod kernels;
 mod large;
 mod parity;
