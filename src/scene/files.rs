@@ -1,7 +1,10 @@
 //! Reading what a scene file refers to, as files from other systems name it.
 
 use crate::{Error, Result};
-use std::path::{Path, PathBuf};
+use std::{
+    ffi::{OsStr, OsString},
+    path::{Path, PathBuf},
+};
 
 /// Larger files are refused.
 const MAX_FILE: u64 = 8 << 30;
@@ -20,21 +23,47 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(io)
 }
 
-/// Finds the file that `name` means in `folder`: as it stands, with the separators of Windows, and
-/// with other upper and lower case.
-pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+/// Finds the file that `name` means in `folder`: as it stands, with the separators of Windows, with
+/// other upper and lower case, and if it is no UTF-8, as Latin-1.
+pub(super) fn find(folder: &Path, name: impl AsRef<[u8]>) -> Option<PathBuf> {
+    let name = name.as_ref();
+    let latin1 = || name.iter().map(|&byte| char::from(byte)).collect::<String>();
+    match std::str::from_utf8(name) {
+        Ok(text) => find_path(folder, text.as_ref()),
+        Err(_) => {
+            find_path(folder, &os_name(name)).or_else(|| find_path(folder, latin1().as_ref()))
+        }
+    }
+}
+
+/// The name as the system has it, where names are bytes.
+#[cfg(unix)]
+fn os_name(bytes: &[u8]) -> OsString {
+    std::os::unix::ffi::OsStringExt::from_vec(bytes.to_vec())
+}
+
+#[cfg(not(unix))]
+fn os_name(bytes: &[u8]) -> OsString {
+    String::from_utf8_lossy(bytes).into_owned().into()
+}
+
+fn find_path(folder: &Path, name: &OsStr) -> Option<PathBuf> {
+    // A path without a folder lies in the current one.
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let exact = folder.join(name);
     if exact.is_file() {
         return Some(exact);
     }
-    let mut at = if name.starts_with('/') { PathBuf::from("/") } else { folder.to_path_buf() };
-    for part in name.split(['/', '\\']).filter(|p| !p.is_empty() && *p != ".") {
-        let next = at.join(part);
+    let bytes = name.as_encoded_bytes();
+    let mut at = if bytes.starts_with(b"/") { PathBuf::from("/") } else { folder.to_path_buf() };
+    for part in parts(bytes).filter(|p| !p.is_empty() && *p != b".") {
+        let part = os_name(part);
+        let next = at.join(&part);
         if part == ".." || next.exists() {
             at = next;
             continue;
         }
-        let wanted = part.to_lowercase();
+        let wanted = part.to_string_lossy().to_lowercase();
         at = std::fs::read_dir(&at)
             .ok()?
             .flatten()
@@ -44,11 +73,23 @@ pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     at.is_file().then_some(at)
 }
 
-/// [`find`], or else the file of that name beside the scene: paths in files often are those of the
-/// machine they were made on.
-pub(super) fn find_by_name(folder: &Path, name: &str) -> Option<PathBuf> {
-    let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
-    find(folder, name).or_else(|| find(folder, last))
+fn parts(name: &[u8]) -> impl Iterator<Item = &[u8]> {
+    name.split(|b| matches!(b, b'/' | b'\\'))
+}
+
+/// [`find`], or else with ever fewer of the folders that the name begins with: paths in files often are
+/// those of the machine they were made on.
+pub(super) fn find_by_name(folder: &Path, name: impl AsRef<[u8]>) -> Option<PathBuf> {
+    let name = name.as_ref();
+    let mut rest = Some(name);
+    std::iter::from_fn(|| {
+        let current = rest?;
+        let end = current.iter().position(|b| matches!(b, b'/' | b'\\'));
+        rest = end.map(|end| &current[end + 1..]);
+        Some(current)
+    })
+    .filter(|tail| !tail.is_empty())
+    .find_map(|tail| find(folder, tail))
 }
 
 /// Undoes `%20` and the like; what is no valid escape stays, and so does what is no UTF-8.
@@ -151,7 +192,16 @@ mod tests {
         for name in ["Textures/Wood.JPG", "textures\\wood.jpg", ".\\TEXTURES/wood.jpg"] {
             assert!(find(dir.path(), name).is_some(), "{name}");
         }
+        for name in
+            ["C:\\Users\\me\\Textures\\Wood.jpg", "/elsewhere/textures/wood.jpg", "//wood.JPG"]
+        {
+            assert_eq!(find_by_name(dir.path(), name).is_some(), !name.starts_with("//"), "{name}");
+        }
+        std::fs::write(dir.path().join("gr\u{fc}n.png"), b"x").unwrap();
+        assert!(find(dir.path(), b"gr\xfcn.png").is_some(), "Latin-1");
+        assert!(find(dir.path(), b"gr\xe4n.png").is_none());
         assert!(find(dir.path(), "textures/stone.jpg").is_none());
+        assert!(find(Path::new(""), "CARGO.TOML").is_some(), "tests run where Cargo.toml is");
         assert!(read(dir.path()).is_err());
     }
 }

@@ -21,6 +21,7 @@ mod bounds;
 mod build;
 mod builtin;
 mod camera;
+mod content;
 mod files;
 mod gltf;
 mod hash;

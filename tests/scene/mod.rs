@@ -4,6 +4,7 @@ mod damaged;
 mod files;
 mod loaded;
 mod moved;
+mod obj;
 mod precision;
 mod valid;
 
