@@ -34,8 +34,12 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         draw(&gpu, plan.backend, &shot, &mut clock)?
     };
     clock.lap("read_back");
+    if !shot.pass.draws.is_empty() && is_blank(&frame) {
+        talk::line("warning: nothing of the scene is visible: the picture is all background");
+    }
     let image = shot.picture(frame.color)?;
-    plan.picture.write(&picture::encode(&image, gpu.info(), &plan.view.scene)?)?;
+    let origin = plan.metadata.then_some((gpu.info(), &plan.view.scene));
+    plan.picture.write(&picture::encode(&image, origin)?)?;
     clock.lap("write_picture");
 
     if let Some(output) = &plan.stats {
@@ -80,6 +84,16 @@ fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(
             Ok((prepared.read()?, Timings { total_ns, stages: Vec::new() }))
         }
     }
+}
+
+/// Whether every pixel is as it was before the first draw: one colour, and nothing before the far plane.
+fn is_blank(frame: &Frame) -> bool {
+    let color = &frame.color;
+    let size = (color.bytes.len() / color.extent.pixels().max(1)).max(1);
+    let one_color = color.bytes.chunks(size).all(|pixel| *pixel == color.bytes[..size]);
+    let far = 1f32.to_ne_bytes();
+    let depth = frame.depth.as_ref();
+    one_color && depth.is_none_or(|depth| depth.bytes.chunks(4).all(|pixel| pixel == far))
 }
 
 /// Device time of each stage, in the order of first appearance, summed over batches.

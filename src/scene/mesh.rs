@@ -102,6 +102,30 @@ impl Mesh {
             .collect();
     }
 
+    /// Gives vertices whose normal has no direction one from their faces; if none has one, each triangle
+    /// its own. Of a `flipped` mesh the front of a triangle is the other side.
+    pub fn mend_normals(&mut self, flipped: bool) {
+        let lost: Vec<bool> = self.normals.iter().map(|n| !points_somewhere(*n)).collect();
+        let side = if flipped { -1.0 } else { 1.0 };
+        if lost.iter().all(|lost| *lost) {
+            self.make_flat_normals();
+            self.normals.iter_mut().for_each(|n| *n *= side);
+            return;
+        }
+        if lost.iter().all(|lost| !lost) {
+            return;
+        }
+        let mut sums = vec![Vec3::ZERO; self.normals.len()];
+        for corners in self.triangles() {
+            let [a, b, c] = corners.map(|i| self.positions[i as usize]);
+            let face = (b - a).cross(c - a);
+            corners.into_iter().for_each(|i| sums[i as usize] += face);
+        }
+        for (i, normal) in self.normals.iter_mut().enumerate().filter(|(i, _)| lost[*i]) {
+            *normal = sums[i].normalize_or(Vec3::Y) * side;
+        }
+    }
+
     /// Gives every corner the mean normal of the faces around its position that are within
     /// `crease` (the cosine of an angle) of its own face: round things look round and edges stay.
     ///
@@ -225,6 +249,11 @@ impl Mesh {
     }
 }
 
+/// Whether a normal can be one.
+pub(super) fn points_somewhere(normal: Vec3) -> bool {
+    normal.is_finite() && normal.length_squared() > 0.0
+}
+
 /// See [`Mesh::make_tangents`].
 const MAX_FACES_AT_A_VERTEX: u32 = 2000;
 
@@ -300,6 +329,20 @@ mod tests {
         assert_eq!(mesh.triangles(), [[1, 2, 0], [2, 3, 0]]);
         mesh.make_flat_normals();
         assert_eq!(mesh.normals, vec![Vec3::Z; 6]);
+    }
+
+    #[test]
+    fn normals_without_a_direction_come_from_the_faces() {
+        for flipped in [false, true] {
+            let front = if flipped { Vec3::NEG_Z } else { Vec3::Z };
+            let mut mesh = quad();
+            mesh.normals = vec![Vec3::ZERO, Vec3::X, Vec3::NAN, Vec3::X];
+            mesh.mend_normals(flipped);
+            assert_eq!(mesh.normals, [front, Vec3::X, front, Vec3::X]);
+            mesh.normals = vec![Vec3::ZERO; 4];
+            mesh.mend_normals(flipped);
+            assert_eq!(mesh.normals, vec![front; 6]);
+        }
     }
 
     #[test]

@@ -34,6 +34,7 @@ mod place;
 mod shading;
 mod store;
 mod texture;
+mod uri;
 
 pub use bounds::{Bounds, Containment, Frustum};
 pub use camera::{Camera, Projection};
