@@ -5,7 +5,7 @@
 
 use crate::{image::Extent, scene::Scene, vk::GpuOptions};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use std::{path::PathBuf, time::Duration};
+use std::{ffi::OsString, path::PathBuf, time::Duration};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -26,7 +26,7 @@ Exit codes:
   1  the pictures differ, or a shader is refused
   2  the command line makes no sense
   3  no suitable device
-  4  a file cannot be read or written
+  4  a file cannot be read or written, or standard output is closed
   5  the device was lost or did not answer in time
   6  something does not fit into memory or into a limit
 
@@ -48,6 +48,7 @@ pub enum Verb {
 Examples:
   tilewright render scene.glb -o out.png
   tilewright render builtin:teapot --size 640x480 --background 00000000 -o - > teapot.png
+  tilewright render scene.glb --no-metadata -o plain.png
   tilewright render room.obj --eye=-10,3,0 --target 0,4,0 --fov 60 --stats room.json -o room.png")]
     Render(RenderArgs),
     /// Draw a scene with compute kernels and with the device's own pipeline, and compare
@@ -143,7 +144,7 @@ pub struct BenchArgs {
     /// Named scenes (--list), .gltf, .glb and .obj files, `builtin:NAME` [default: all named scenes
     /// but `sheet`, which is what axes vary: with --axis, that one]
     #[arg(value_name = "SCENE")]
-    pub scenes: Vec<String>,
+    pub scenes: Vec<OsString>,
     /// Pixels across and down; can be given several times [default: 1920x1080]
     #[arg(long, value_name = "WxH", value_parser = parse_size, allow_hyphen_values = true)]
     pub size: Vec<Extent>,
@@ -245,10 +246,13 @@ fn scene_help() -> String {
 #[derive(Debug, Args)]
 pub struct SceneArgs {
     #[arg(value_name = "SCENE", help = scene_help())]
-    pub scene: String,
+    pub scene: OsString,
     /// Pixels across and down, each 1 to 16384
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, allow_hyphen_values = true)]
     pub size: Extent,
+    /// Write PNG files that do not say which tool, device and scene they come from
+    #[arg(long)]
+    pub no_metadata: bool,
     #[command(flatten)]
     pub view: ViewArgs,
 }

@@ -32,7 +32,7 @@ use crate::error::Result;
 use args::{ConformArgs, ConformSubject, Typed, Verb};
 use clap::Parser;
 use exit::Outcome;
-use std::process::ExitCode;
+use std::{io::Write, process::ExitCode};
 
 /// Runs the tool on the process's arguments.
 pub fn run() -> ExitCode {
@@ -41,9 +41,11 @@ pub fn run() -> ExitCode {
     std::panic::catch_unwind(|| match Typed::try_parse() {
         Ok(typed) => finish(dispatch(typed.verb)),
         Err(message) => {
-            // Help goes to standard output, a fault to standard error; neither can fail the run.
-            let _ = message.print();
-            ExitCode::from(if message.use_stderr() { exit::USAGE } else { 0 })
+            let printed = message.print().and_then(|()| std::io::stdout().flush());
+            match message.use_stderr() {
+                true => ExitCode::from(exit::USAGE),
+                false => finish(output::printed(printed).map(|()| Outcome::Done)),
+            }
         }
     })
     .unwrap_or(ExitCode::from(exit::INTERNAL))

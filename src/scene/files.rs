@@ -92,97 +92,9 @@ pub(super) fn find_by_name(folder: &Path, name: impl AsRef<[u8]>) -> Option<Path
     .find_map(|tail| find(folder, tail))
 }
 
-/// Undoes `%20` and the like; what is no valid escape stays, and so does what is no UTF-8.
-pub(super) fn percent_decode(text: &str) -> String {
-    String::from_utf8(percent_decode_bytes(text)).unwrap_or_else(|_| text.to_owned())
-}
-
-fn percent_decode_bytes(text: &str) -> Vec<u8> {
-    let bytes = text.as_bytes();
-    let digit = |at: usize| bytes.get(at).and_then(|b| (*b as char).to_digit(16));
-    let (mut out, mut i) = (Vec::with_capacity(bytes.len()), 0);
-    while i < bytes.len() {
-        match (bytes[i], digit(i + 1), digit(i + 2)) {
-            (b'%', Some(high), Some(low)) => {
-                out.push((high * 16 + low) as u8);
-                i += 3;
-            }
-            (byte, _, _) => {
-                out.push(byte);
-                i += 1;
-            }
-        }
-    }
-    out
-}
-
-/// The bytes of a `data:` URI, `None` if `uri` is none.
-pub(super) fn data_uri(uri: &str) -> Option<std::result::Result<Vec<u8>, String>> {
-    let rest = uri.strip_prefix("data:")?;
-    let Some((head, data)) = rest.split_once(',') else {
-        return Some(Err("a data URI has no comma".into()));
-    };
-    if !head.ends_with(";base64") {
-        return Some(Ok(percent_decode_bytes(data)));
-    }
-    Some(base64(data.as_bytes()))
-}
-
-/// Decodes base64 of the standard or the URL alphabet, with or without padding.
-fn base64(text: &[u8]) -> std::result::Result<Vec<u8>, String> {
-    let text = match text {
-        [head @ .., b'=', b'='] | [head @ .., b'='] => head,
-        all => all,
-    };
-    let mut out = Vec::with_capacity(text.len() * 3 / 4);
-    let (mut bits, mut held) = (0u32, 0u32);
-    for &byte in text {
-        let value = match byte {
-            b'A'..=b'Z' => byte - b'A',
-            b'a'..=b'z' => byte - b'a' + 26,
-            b'0'..=b'9' => byte - b'0' + 52,
-            b'+' | b'-' => 62,
-            b'/' | b'_' => 63,
-            _ => return Err(format!("base64 data has the byte 0x{byte:02x}")),
-        };
-        bits = bits << 6 | value as u32;
-        held += 6;
-        if held >= 8 {
-            held -= 8;
-            out.push((bits >> held) as u8);
-            bits &= (1 << held) - 1;
-        }
-    }
-    if held == 6 {
-        return Err("base64 data ends in the middle of a byte".into());
-    }
-    Ok(out)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_known_answers() {
-        for (text, want) in
-            [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYmFy", "foobar")]
-        {
-            assert_eq!(base64(text.as_bytes()).unwrap(), want.as_bytes());
-        }
-        assert_eq!(base64(b"__-_").unwrap(), base64(b"//+/").unwrap());
-        assert!(base64(b"A").is_err() && base64(b"A===").is_err() && base64(b"A*AA").is_err());
-    }
-
-    #[test]
-    fn uris_and_escapes() {
-        assert_eq!(data_uri("data:;base64,Zm8=").unwrap().unwrap(), b"fo");
-        assert_eq!(data_uri("data:text/plain,a%20b").unwrap().unwrap(), b"a b");
-        assert_eq!(data_uri("data:,%00%80%ff").unwrap().unwrap(), [0, 0x80, 0xff]);
-        assert!(data_uri("data:;base64").unwrap().is_err());
-        assert!(data_uri("file.bin").is_none());
-        assert_eq!(percent_decode("a%20b%e2%9d%a4%zz%2"), "a b❤%zz%2");
-    }
 
     #[test]
     fn names_of_other_systems_are_found() {

@@ -98,6 +98,30 @@ impl Mesh {
         self.complete_normals(faces.iter().flat_map(|face| [unit(*face).unwrap_or(Vec3::Y); 3]));
     }
 
+    /// Gives vertices whose normal has no direction one from their faces; if none has one, each triangle
+    /// its own. Of a `flipped` mesh the front of a triangle is the other side.
+    pub fn mend_normals(&mut self, flipped: bool) {
+        let lost: Vec<bool> = self.normals.iter().map(|n| !is_usable(n)).collect();
+        let side = if flipped { -1.0 } else { 1.0 };
+        if lost.iter().all(|lost| *lost) {
+            self.make_flat_normals();
+            self.normals.iter_mut().for_each(|n| *n *= side);
+            return;
+        }
+        if lost.iter().all(|lost| !lost) {
+            return;
+        }
+        let mut sums = vec![Vec3::ZERO; self.normals.len()];
+        for corners in self.triangles() {
+            let [a, b, c] = corners.map(|i| self.positions[i as usize]);
+            let face = (b - a).cross(c - a);
+            corners.into_iter().for_each(|i| sums[i as usize] += face);
+        }
+        for (i, normal) in self.normals.iter_mut().enumerate().filter(|(i, _)| lost[*i]) {
+            *normal = sums[i].normalize_or(Vec3::Y) * side;
+        }
+    }
+
     /// Gives the corners that have no usable normal the mean normal of the faces around their position
     /// that are within `crease` (the cosine of an angle) of their own face: round things look round and
     /// edges stay.
@@ -262,7 +286,7 @@ impl Mesh {
 }
 
 /// Whether a normal points somewhere.
-fn is_usable(normal: &Vec3) -> bool {
+pub(super) fn is_usable(normal: &Vec3) -> bool {
     normal.length_squared().is_normal()
 }
 
@@ -346,6 +370,20 @@ mod tests {
         assert_eq!(mesh.triangles(), [[1, 2, 0], [2, 3, 0]]);
         mesh.make_flat_normals();
         assert_eq!(mesh.normals, vec![Vec3::Z; 6]);
+    }
+
+    #[test]
+    fn normals_without_a_direction_come_from_the_faces() {
+        for flipped in [false, true] {
+            let front = if flipped { Vec3::NEG_Z } else { Vec3::Z };
+            let mut mesh = quad();
+            mesh.normals = vec![Vec3::ZERO, Vec3::X, Vec3::NAN, Vec3::X];
+            mesh.mend_normals(flipped);
+            assert_eq!(mesh.normals, [front, Vec3::X, front, Vec3::X]);
+            mesh.normals = vec![Vec3::ZERO; 4];
+            mesh.mend_normals(flipped);
+            assert_eq!(mesh.normals, vec![front; 6]);
+        }
     }
 
     #[test]

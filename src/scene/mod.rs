@@ -35,6 +35,7 @@ mod place;
 mod shading;
 mod store;
 mod texture;
+mod uri;
 
 pub use bounds::{Bounds, Containment, Frustum};
 pub use camera::{Camera, Projection};

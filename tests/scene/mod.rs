@@ -2,6 +2,7 @@
 
 mod damaged;
 mod files;
+mod lenient;
 mod loaded;
 mod moved;
 mod obj;

@@ -57,7 +57,9 @@ fn twice(
     let once = || {
         let mut command = Command::new(&program);
         command
-            .args(["bench", &case.label.scene, "--alone", backend.name()])
+            .arg("bench")
+            .arg(case.typed())
+            .args(["--alone", backend.name()])
             .args(["--size", &case.label.extent.to_string(), "--device", &device.uuid])
             .args(retyped(&args.view))
             .stdin(Stdio::null());
