@@ -13,6 +13,7 @@ mod parity;
 mod pass;
 mod property;
 mod readme;
+mod regression;
 mod scene;
 mod setup;
 mod splice;
