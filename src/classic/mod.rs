@@ -63,6 +63,21 @@ impl Renderer {
     /// [`Error::Usage`] if the pass contradicts itself, [`Error::Capacity`] if it does not fit.
     pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
         pass.validate()?;
+        let compiled = self.compiled(pass)?;
+        Prepared::new(&self.gpu, &mut self.resources, pass, &compiled)
+    }
+
+    /// Records the draws of `pass` anew into `prepared`, which keeps its targets: what a program does in
+    /// each frame. The pass is not validated, since such a program would not pay for it either: it must
+    /// be valid and have the extent and the formats of the pass that was prepared.
+    #[cfg(feature = "glsl")]
+    pub(crate) fn record_again(&mut self, prepared: &mut Prepared, pass: &Pass) -> Result<()> {
+        let compiled = self.compiled(pass)?;
+        prepared.record(&self.gpu, &mut self.resources, pass, &compiled)
+    }
+
+    /// The pipelines of `pass`; what no pass uses any more is forgotten.
+    fn compiled(&mut self, pass: &Pass) -> Result<Vec<Arc<Compiled>>> {
         self.resources.trim();
         self.pipelines.retain(|_, (held, _)| Arc::strong_count(held) > 1);
         let mut compiled = Vec::with_capacity(pass.pipelines.len());
@@ -79,7 +94,7 @@ impl Renderer {
             };
             compiled.push(found);
         }
-        Prepared::new(&self.gpu, &mut self.resources, pass, &compiled)
+        Ok(compiled)
     }
 }
 

@@ -6,5 +6,5 @@ mod devices;
 mod outputs;
 mod robustness;
 mod scenes;
-mod tool;
+pub mod tool;
 mod usage;

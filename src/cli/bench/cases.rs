@@ -102,7 +102,7 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
             match typed.to_str().and_then(bench::find) {
                 Some(scene) => {
                     for settings in &settings {
-                        cases.push(generated(&scene, extent, settings)?);
+                        cases.push(generated(&scene, extent, settings, args.seed)?);
                     }
                 }
                 None if !axes.is_empty() => {
@@ -122,7 +122,10 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
             });
             for settings in combinations(&axes) {
                 // They are about frames alone, and many.
-                cases.push(Case { alone: false, ..generated(&sheet, extent, &settings)? });
+                cases.push(Case {
+                    alone: false,
+                    ..generated(&sheet, extent, &settings, args.seed)?
+                });
             }
         }
     }
@@ -149,8 +152,13 @@ fn shorten(cases: &mut [Case]) {
     }
 }
 
-fn generated(scene: &Named, extent: Extent, settings: &[(Axis, String)]) -> Result<Case> {
-    let mut recipe = scene.recipe.clone();
+fn generated(
+    scene: &Named,
+    extent: Extent,
+    settings: &[(Axis, String)],
+    seed: u64,
+) -> Result<Case> {
+    let mut recipe = Recipe { seed, ..scene.recipe.clone() };
     for (axis, text) in settings {
         recipe
             .set(*axis, text)
