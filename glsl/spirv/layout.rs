@@ -40,6 +40,7 @@ const _: () = assert!(abi::SPEC_DEPTH == 65540, "SPEC_DEPTH has changed: run `ca
 const _: () = assert!(abi::SPEC_FORMAT == 65538, "SPEC_FORMAT has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_IN_PLACE == 65542, "SPEC_IN_PLACE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_LANES == 65541, "SPEC_LANES has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_READ == 65543, "SPEC_READ has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_WIDTH == 65536, "SPEC_WIDTH has changed: run `cargo spirv`");
 const _: () = assert!(abi::SUBPIXEL_BITS == 8, "SUBPIXEL_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::TABLE_BUFFERS == 4, "TABLE_BUFFERS has changed: run `cargo spirv`");
