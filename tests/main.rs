@@ -7,6 +7,7 @@ mod cli;
 mod common;
 mod devices;
 mod extremes;
+mod kept;
 mod kernels;
 mod large;
 mod parity;
