@@ -14,7 +14,10 @@ use crate::{
 };
 use std::sync::Arc;
 
+mod indices;
 mod validate;
+
+pub use indices::IndexRanges;
 
 /// Bytes for vertices, indices, uniform or storage blocks. Immutable: a change is a new buffer.
 #[derive(Clone, Debug, Default)]

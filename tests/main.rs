@@ -8,6 +8,7 @@ mod common;
 mod devices;
 mod extremes;
 mod golden;
+mod kept;
 mod kernels;
 mod known_issues;
 mod large;

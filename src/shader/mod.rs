@@ -29,6 +29,7 @@ pub(crate) mod testing {
 }
 
 use crate::{Error, Result};
+use std::hash::{DefaultHasher, Hash, Hasher};
 #[cfg(feature = "glsl")]
 use std::path::Path;
 
@@ -42,6 +43,8 @@ pub enum Stage {
 }
 
 /// A vertex or fragment shader: SPIR-V with entry point `main`, and what reflection found in it.
+///
+/// Two shaders are equal if they are the same stage of the same module, whatever their labels are.
 #[derive(Clone, Debug)]
 pub struct Shader {
     /// For messages: usually the file name.
@@ -52,6 +55,22 @@ pub struct Shader {
     pub spirv: Vec<u32>,
     /// What it binds, reads and writes.
     pub reflection: Reflection,
+    /// Of the words. Equal hashes do not make shaders equal: the words are compared.
+    pub(crate) hash: u64,
+}
+
+impl PartialEq for Shader {
+    fn eq(&self, other: &Self) -> bool {
+        self.hash == other.hash && self.stage == other.stage && self.spirv == other.spirv
+    }
+}
+
+impl Eq for Shader {}
+
+impl Hash for Shader {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.hash.hash(state);
+    }
 }
 
 /// What kind of resource a shader binds at one `(set, binding)`.
@@ -219,6 +238,30 @@ impl Shader {
         let reflection = module::parse(words)
             .and_then(|module| reflect::reflect(&module, stage))
             .map_err(|reason| Error::shader(label, reason))?;
-        Ok(Shader { label: label.into(), stage, spirv: words.to_vec(), reflection })
+        let mut hasher = DefaultHasher::new();
+        words.hash(&mut hasher);
+        let (label, hash) = (label.into(), hasher.finish());
+        Ok(Shader { label, stage, spirv: words.to_vec(), reflection, hash })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shaders_are_equal_by_their_words_and_by_nothing_else() {
+        let shader = |label: &str, words: &[u32], hash| Shader {
+            label: label.into(),
+            stage: Stage::Vertex,
+            spirv: words.to_vec(),
+            reflection: Reflection::default(),
+            hash,
+        };
+        let one = shader("one", &[1, 2, 3], 7);
+        assert_eq!(one, shader("another name", &[1, 2, 3], 7));
+        // Hashes that collide are not enough.
+        assert_ne!(one, shader("one", &[1, 2, 4], 7));
+        assert_ne!(one, Shader { stage: Stage::Fragment, ..one.clone() });
     }
 }

@@ -117,6 +117,11 @@ impl Kernel {
         &self.0.name
     }
 
+    /// Whether somebody else holds a clone, a recording for example.
+    pub(crate) fn is_shared(&self) -> bool {
+        Arc::strong_count(&self.0) > 1
+    }
+
     /// Invocations of one workgroup, in each direction.
     pub fn workgroup(&self) -> [u32; 3] {
         self.0.reflection.workgroup

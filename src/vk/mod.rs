@@ -53,6 +53,7 @@ mod instance;
 mod kernel;
 mod limits;
 mod owner;
+mod placeholder;
 mod recorder;
 mod recording;
 mod reflect;
@@ -72,7 +73,7 @@ pub use limits::Limits;
 pub use recorder::{Dispatch, Recorder};
 pub use recording::{Recording, Timings};
 pub use requirements::{Missing, OPTIONAL, Optional, REQUIREMENTS, Requirement};
-pub use resources::Resources;
+pub use resources::{Cached, Resources};
 pub use sampler::Sampler;
 pub use table::{ResourceTable, TableSizes};
 
