@@ -207,6 +207,7 @@ mod tests {
             stage,
             spirv: Vec::new(),
             reflection: Reflection { push_constant_bytes: 8, ..Reflection::default() },
+            refusal: None,
         };
         Pipeline {
             label: "p".into(),

@@ -76,9 +76,14 @@ impl<'a> TableSlots<'a> {
         Ok(first.unwrap_or(0))
     }
 
-    fn insert(&mut self, binding: &Binding) -> Result<u32> {
+    /// The slot of a resource; `block` is the bytes of the block that it is, if it is one.
+    fn insert(&mut self, binding: &Binding, block: u32) -> Result<u32> {
         match binding {
-            Binding::Uniform(range) | Binding::Storage(range) => {
+            Binding::Uniform(range) => {
+                let block = self.resources.block(range, block as usize)?;
+                self.table().insert_buffer(&block)
+            }
+            Binding::Storage(range) => {
                 let buffer = self.resources.buffer(&range.buffer)?;
                 let slice = buffer.slice(range.offset..range.offset + range.bytes)?;
                 self.table().insert_buffer(&slice)
@@ -131,11 +136,11 @@ impl Slots for TableSlots<'_> {
         Ok(slot)
     }
 
-    fn bindings(&mut self, resources: &[Binding]) -> Result<u32> {
+    fn bindings(&mut self, resources: &[Binding], block: u32) -> Result<u32> {
         if let [one] = resources {
-            return self.insert(one);
+            return self.insert(one, block);
         }
-        self.consecutive(resources.len(), |slots, n| slots.insert(&resources[n]))
+        self.consecutive(resources.len(), |slots, n| slots.insert(&resources[n], block))
     }
 
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32> {

@@ -36,8 +36,9 @@ pub trait Slots {
     /// The slot of a whole buffer, for vertices and indices; of a long one that of its first 2^
     /// [`abi::WINDOW_LOG2`] bytes, which the slots of the others follow.
     fn buffer(&mut self, buffer: &Arc<Buffer>) -> Result<u32>;
-    /// The first of consecutive slots of the elements of one shader variable.
-    fn bindings(&mut self, resources: &[Binding]) -> Result<u32>;
+    /// The first of consecutive slots of the elements of one shader variable; `block` is the bytes of the
+    /// block that it is, if it is one.
+    fn bindings(&mut self, resources: &[Binding], block: u32) -> Result<u32>;
     /// The slot of a push-constant block.
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32>;
     /// Whether the table has no slot left of some kind, so that it was what refused a draw.
@@ -351,7 +352,7 @@ impl Planner<'_> {
                     shader.label, resource.set, resource.binding
                 )));
             };
-            list.push(self.slots.bindings(&entry.resources)?);
+            list.push(self.slots.bindings(&entry.resources, resource.bytes)?);
         }
         if shader.reflection.push_constant_bytes > 0 {
             list.push(self.slots.push_constants(&draw.push_constants)?);
