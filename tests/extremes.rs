@@ -31,7 +31,12 @@ impl Slots for NoSlots {
     fn buffer(&mut self, _: &Arc<Buffer>) -> tilewright::Result<u32> {
         Ok(0)
     }
-    fn bindings(&mut self, _: &Arc<BindingSet>, _: &BindingEntry) -> tilewright::Result<u32> {
+    fn bindings(
+        &mut self,
+        _: &Arc<BindingSet>,
+        _: &BindingEntry,
+        _: u32,
+    ) -> tilewright::Result<u32> {
         Ok(0)
     }
     fn push_constants(&mut self, _: &[u8]) -> tilewright::Result<u32> {

@@ -2,6 +2,7 @@
 
 mod attributes;
 mod bench;
+mod blocks;
 mod classic;
 mod cli;
 mod common;

@@ -35,7 +35,7 @@ impl Slots for Nowhere {
         Ok(0)
     }
 
-    fn bindings(&mut self, _: &Arc<BindingSet>, _: &BindingEntry) -> Result<u32> {
+    fn bindings(&mut self, _: &Arc<BindingSet>, _: &BindingEntry, _: u32) -> Result<u32> {
         Ok(0)
     }
 

@@ -208,6 +208,7 @@ mod tests {
             spirv: Vec::new(),
             reflection: Reflection { push_constant_bytes: 8, ..Reflection::default() },
             hash: 0,
+            refusal: None,
         };
         Pipeline {
             label: "p".into(),

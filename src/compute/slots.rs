@@ -72,7 +72,7 @@ pub struct TableSlots<'a> {
     open: Option<(Buffer<u8>, usize)>,
     /// First slots of what sets bind. The pass holds the sets while it is planned, so that an address
     /// stands for one of them.
-    bound: HashMap<(*const BindingSet, u32), u32>,
+    bound: HashMap<(*const BindingSet, u32, u32), u32>,
     /// First slots of buffers that have several.
     long: HashMap<*const pass::Buffer, u32>,
 }
@@ -128,9 +128,14 @@ impl<'a> TableSlots<'a> {
         Ok(slots?.first().copied().unwrap_or(0))
     }
 
-    fn insert(&mut self, binding: &Binding) -> Result<u32> {
+    /// The slot of a resource; `block` is the bytes of the block that it is, if it is one.
+    fn insert(&mut self, binding: &Binding, block: u32) -> Result<u32> {
         match binding {
-            Binding::Uniform(range) | Binding::Storage(range) => {
+            Binding::Uniform(range) => {
+                let block = self.resources.block(range, block as usize)?;
+                self.table().insert_buffer(&block)
+            }
+            Binding::Storage(range) => {
                 let buffer = self.resources.buffer(&range.buffer)?;
                 let slice = buffer.slice(range.offset..range.offset + range.bytes)?;
                 self.table().insert_buffer(&slice)
@@ -183,16 +188,21 @@ impl Slots for TableSlots<'_> {
         Ok(slot)
     }
 
-    fn bindings(&mut self, set: &Arc<BindingSet>, entry: &BindingEntry) -> Result<u32> {
-        let key = (Arc::as_ptr(set), entry.binding);
+    fn bindings(
+        &mut self,
+        set: &Arc<BindingSet>,
+        entry: &BindingEntry,
+        block: u32,
+    ) -> Result<u32> {
+        let key = (Arc::as_ptr(set), entry.binding, block);
         if let Some(&first) = self.bound.get(&key) {
             return Ok(first);
         }
         let first = match entry.resources.as_slice() {
             // A run-time array that nothing is bound to.
             [] => 0,
-            [one] => self.insert(one)?,
-            all => self.consecutive(all.len(), |slots, n| slots.insert(&all[n]))?,
+            [one] => self.insert(one, block)?,
+            all => self.consecutive(all.len(), |slots, n| slots.insert(&all[n], block))?,
         };
         self.bound.insert(key, first);
         Ok(first)

@@ -193,11 +193,8 @@ fn check_binding(binding: &Binding, resource: &Resource, seen: &mut Seen<'_>) ->
                  {BLOCK_ALIGNMENT}"
             ));
         }
-        if range.bytes < resource.bytes.max(1) as usize {
-            return Err(format!(
-                "{} bytes of buffer `{label}`; the block has {}",
-                range.bytes, resource.bytes
-            ));
+        if range.bytes == 0 {
+            return Err(format!("no bytes of buffer `{label}`; a block is bound to one at least"));
         }
     }
     match texture {

@@ -37,8 +37,13 @@ pub trait Slots {
     /// [`abi::WINDOW_LOG2`] bytes, which the slots of the others follow.
     fn buffer(&mut self, buffer: &Arc<Buffer>) -> Result<u32>;
     /// The first of consecutive slots of the elements of one shader variable, which `set` binds by the
-    /// entry `entry`.
-    fn bindings(&mut self, set: &Arc<BindingSet>, entry: &BindingEntry) -> Result<u32>;
+    /// entry `entry`; `block` is the bytes of the block that it is, if it is one.
+    fn bindings(
+        &mut self,
+        set: &Arc<BindingSet>,
+        entry: &BindingEntry,
+        block: u32,
+    ) -> Result<u32>;
     /// The slot of a push-constant block.
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32>;
     /// Whether the table has no slot left of some kind, so that it was what refused a draw.
@@ -354,7 +359,7 @@ impl Planner<'_> {
                     shader.label, resource.set, resource.binding
                 )));
             };
-            list.push(self.slots.bindings(set, entry)?);
+            list.push(self.slots.bindings(set, entry, resource.bytes)?);
         }
         if shader.reflection.push_constant_bytes > 0 {
             list.push(self.slots.push_constants(&draw.push_constants)?);

@@ -80,7 +80,7 @@ impl Kernel {
                 let id = plain.constants.iter().find(|c| c.0 == *name).map(|c| c.1);
                 let id = id.ok_or_else(|| {
                     let known: Vec<_> = plain.constants.iter().map(|c| c.0.as_str()).collect();
-                    fault(format!("has no constant `{name}`; it has {known:?}"))
+                    fault(format!("has no constant `{name}`; it has `{}`", known.join("`, `")))
                 })?;
                 specialized.insert(id, *value);
             }

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     error::Result,
-    pass,
+    pass::{self, BufferRange},
     texture::{self, Texture},
 };
 use std::{
@@ -32,6 +32,8 @@ pub struct Resources {
     /// By address.
     buffers: HashMap<usize, (Weak<pass::Buffer>, Buffer<u8>)>,
     textures: HashMap<usize, (Weak<Texture>, Image)>,
+    /// Copies of ranges that are shorter than the block they are read as, with zeros behind.
+    padded: HashMap<Padded, (Weak<pass::Buffer>, Buffer<u8>)>,
     /// Copies that [`Resources::flush`] has to run, and the bytes that wait in host memory for them.
     pending: Option<Recorder>,
     pending_bytes: usize,
@@ -52,6 +54,10 @@ pub struct Cached {
     pub tables: usize,
 }
 
+/// A buffer's address, which the weak reference keeps from being used again; offset and bytes of the range;
+/// bytes of the block.
+type Padded = (usize, usize, usize, usize);
+
 impl Resources {
     /// An empty cache.
     pub fn new(gpu: &Gpu) -> Self {
@@ -59,6 +65,7 @@ impl Resources {
             gpu: gpu.clone(),
             buffers: HashMap::new(),
             textures: HashMap::new(),
+            padded: HashMap::new(),
             pending: None,
             pending_bytes: 0,
         }
@@ -73,18 +80,42 @@ impl Resources {
         if let Some((_, uploaded)) = self.buffers.get(&address) {
             return Ok(uploaded.clone());
         }
-        let uploaded = if self.gpu.0.unified_memory {
-            // The host's memory is the device's: a copy would only cost memory and time.
-            Buffer::upload(&self.gpu, &buffer.label, &buffer.bytes)?
-        } else {
-            let (len, memory) = (buffer.bytes.len(), Memory::Device);
-            let uploaded = Buffer::new(&self.gpu, &buffer.label, len, memory)?;
-            self.pending()?.upload(&uploaded, &buffer.bytes)?;
-            self.pending_bytes += len;
-            self.flush_above(PENDING_BYTES)?;
-            uploaded
-        };
+        let uploaded = self.upload(&buffer.label, &buffer.bytes)?;
         self.buffers.insert(address, (Arc::downgrade(buffer), uploaded.clone()));
+        Ok(uploaded)
+    }
+
+    /// The upload of `range` for a shader that reads it as a uniform block of `block` bytes. Kernels bring
+    /// such blocks in without a look at bounds, so that a range that is shorter is copied and zeros follow.
+    ///
+    /// # Errors
+    /// As [`Resources::buffer`], and [`crate::Error::Usage`] if the range is outside its buffer.
+    pub fn block(&mut self, range: &BufferRange, block: usize) -> Result<Buffer<u8>> {
+        let BufferRange { buffer, offset, bytes } = range;
+        let whole = *offset..offset.saturating_add(*bytes);
+        if *bytes >= block {
+            return self.buffer(buffer)?.slice(whole);
+        }
+        let key = (Arc::as_ptr(buffer) as usize, *offset, *bytes, block);
+        if let Some((_, uploaded)) = self.padded.get(&key) {
+            return Ok(uploaded.clone());
+        }
+        let mut content = buffer.bytes.get(whole).unwrap_or_default().to_vec();
+        content.resize(block, 0);
+        let uploaded = self.upload(&format!("{} and zeros", buffer.label), &content)?;
+        self.padded.insert(key, (Arc::downgrade(buffer), uploaded.clone()));
+        Ok(uploaded)
+    }
+
+    fn upload(&mut self, label: &str, content: &[u8]) -> Result<Buffer<u8>> {
+        if self.gpu.0.unified_memory {
+            // The host's memory is the device's: a copy would only cost memory and time.
+            return Buffer::upload(&self.gpu, label, content);
+        }
+        let uploaded = Buffer::new(&self.gpu, label, content.len(), Memory::Device)?;
+        self.pending()?.upload(&uploaded, content)?;
+        self.pending_bytes += content.len();
+        self.flush_above(PENDING_BYTES)?;
         Ok(uploaded)
     }
 
@@ -143,6 +174,7 @@ impl Resources {
     pub fn trim(&mut self) {
         self.buffers.retain(|_, (holder, _)| holder.strong_count() > 0);
         self.textures.retain(|_, (holder, _)| holder.strong_count() > 0);
+        self.padded.retain(|_, (holder, _)| holder.strong_count() > 0);
     }
 
     /// The uploads that are kept.
