@@ -103,7 +103,7 @@ fn linear(folder: &Path) -> String {
 fn mipmaps(folder: &Path) -> String {
     let mut gltf = Gltf::new();
     let texture = gltf.texture(64, [REPEAT, REPEAT, LINEAR, TRILINEAR], |x, y| {
-        let tile = (x / 16 + y / 16) % 2 == 0;
+        let tile = (x / 16 + y / 16).is_multiple_of(2);
         if tile { [240, 240, 230, 255] } else { [40, 60, 120, 255] }
     });
     let material = textured(&mut gltf, texture, json!({}));
