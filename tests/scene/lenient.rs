@@ -5,6 +5,7 @@ use super::loaded::{Case, pass, positions, triangle, uri};
 use glam::Vec3;
 use tilewright::{
     Error,
+    format::Format,
     pass::{Binding, Pass},
     scene::Scene,
     texture::{Filter, Sampler},
@@ -25,7 +26,7 @@ fn drawn(text: &str) -> Scene {
 fn textured(sampler: &str) -> String {
     let mut png = Vec::new();
     let extent = tilewright::image::Extent::new(1, 1);
-    let image = tilewright::image::Image::zeroed(extent, tilewright::format::Format::Rgba8Unorm);
+    let image = tilewright::image::Image::zeroed(extent, Format::Rgba8Unorm);
     tilewright::image::png::write_png(&image, &[], &mut png).unwrap();
     let more = format!(
         r#""images":[{{"uri":"{}"}}],"samplers":[{sampler}],"textures":[{{"source":0,"sampler":0}}],
@@ -169,4 +170,18 @@ fn specular_and_glossiness_reach_the_shader() {
     let float = |at: usize| f32::from_le_bytes(bytes[at * 4..at * 4 + 4].try_into().unwrap());
     assert_eq!([0, 1, 2].map(float), [0.1, 0.2, 0.3]);
     assert_eq!([12, 13, 14, 15].map(float), [1.0, 0.75, 0.25, 0.5]);
+}
+
+#[test]
+fn the_map_of_specular_and_glossiness_holds_colours() {
+    let roughness = r#"{"pbrMetallicRoughness":{"metallicRoughnessTexture":{"index":0}}}"#;
+    let specular = r#"{"extensions":{"KHR_materials_pbrSpecularGlossiness":{
+        "specularGlossinessTexture":{"index":0}}}}"#;
+    let base = r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#;
+    for (material, format) in [(roughness, Format::Rgba8Unorm), (specular, Format::Rgba8Srgb)] {
+        let pass = pass(&drawn(&textured("{}").replace(base, material)));
+        let map = &pass.draws[0].sets[1].entries[2];
+        let Binding::Sampled(texture, _) = &map.resources[0] else { panic!("{map:?}") };
+        assert_eq!((map.binding, texture.format), (2, format), "{material}");
+    }
 }

@@ -53,8 +53,9 @@ impl<'a> Container<'a> {
         }
         let (root, locals) = read(json, &mut warn)?;
         let wanted = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
-        if !wanted.starts_with("2.")
-            || root.asset.min_version.as_deref().is_some_and(|v| v != "2.0")
+        let later = |minimum: &str| !matches!(minimum, "2" | "2.0");
+        if !(wanted == "2" || wanted.starts_with("2."))
+            || root.asset.min_version.as_deref().is_some_and(later)
         {
             return Err(format!(
                 "it says that it is glTF `{}`; only 2.0 can be read",
@@ -83,7 +84,7 @@ impl<'a> Container<'a> {
 
 /// The typed document, and the transforms of its nodes.
 fn read(json: &[u8], warn: &mut dyn FnMut(String)) -> Checks<(Root, Vec<Local>)> {
-    let fault = |e: String| format!("the JSON is not glTF 2.0: {e}");
+    let fault = |e: String| format!("the JSON is not glTF 2.0: {}", shortened(&e));
     let mut stream = serde_json::Deserializer::from_slice(json).into_iter::<Value>();
     let mut document = match stream.next() {
         Some(Ok(document)) => document,
@@ -107,6 +108,17 @@ fn read(json: &[u8], warn: &mut dyn FnMut(String)) -> Checks<(Root, Vec<Local>)>
         let with_line = with_line.map(|e| e.to_string()).filter(|line| line.starts_with(&said));
         fault(with_line.unwrap_or(said))
     })
+}
+
+/// A parser's sentence without the middle, if it repeats a long text of the file: its end has the line.
+fn shortened(said: &str) -> String {
+    let count = said.chars().count();
+    if count <= 300 {
+        return said.to_owned();
+    }
+    let (head, tail): (String, String) =
+        (said.chars().take(200).collect(), said.chars().skip(count - 60).collect());
+    format!("{head}…{tail}")
 }
 
 /// glTF 1.0 had dictionaries where 2.0 has lists.
@@ -217,6 +229,9 @@ mod tests {
         assert!(fault(wrong).contains("line"), "the fault is that of the file as it stands");
         let wrong = br#"{"asset":{"version":2.0},"scenes":[{}],"meshes":[{}]}"#;
         assert!(fault(wrong).contains("primitives"), "{}", fault(wrong));
+        let long = format!(r#"{{"asset":{{"version":"2.0"}},"scene":"{}"}}"#, "x".repeat(9999));
+        let said = fault(long.as_bytes());
+        assert!(said.len() < 400 && said.contains("line 1 column"), "{said}");
     }
 
     #[test]
