@@ -1,10 +1,5 @@
 //! The test suite: one binary, one module for each question it answers.
 
-#[cfg(not(any(feature = "glsl", feature = "glsl-bundled")))]
-compile_error!(
-    "the tests compile GLSL: add `--features glsl` (libshaderc-dev; scripts/setup installs it) or \
-     `--features glsl-bundled`"
-);
 mod attributes;
 mod bench;
 mod blocks;
