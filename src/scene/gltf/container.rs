@@ -225,8 +225,9 @@ mod tests {
             "extensions":{"KHR_lights_punctual":{}}}"#;
         let root = Container::parse(odd, drop).unwrap().root;
         assert!(root.scenes[0].nodes.is_empty() && root.animations[0].channels.is_empty());
-        let wrong = br#"{"asset":{"version":"2.0"},"scenes":[{}],"meshes":[{}]}"#;
-        assert!(fault(wrong).contains("line"), "the fault is that of the file as it stands");
+        // The text has its line where it has no fault before that is mended.
+        let wrong = br#"{"asset":{"version":"2.0"},"meshes":[{}]}"#;
+        assert!(fault(wrong).contains("primitives` at line 1"), "{}", fault(wrong));
         let wrong = br#"{"asset":{"version":2.0},"scenes":[{}],"meshes":[{}]}"#;
         assert!(fault(wrong).contains("primitives"), "{}", fault(wrong));
         let long = format!(r#"{{"asset":{{"version":"2.0"}},"scene":"{}"}}"#, "x".repeat(9999));
