@@ -6,6 +6,7 @@
 #define BOUND_GLSL
 #extension GL_EXT_nonuniform_qualifier : require
 #include "abi.glsl"
+#include "lib/interpolate.glsl"
 #include "lib/key.glsl"
 #include "lib/quad.glsl"
 
@@ -30,14 +31,17 @@ struct Bound {
     uint key;
     vec3 plane; // depth at the pixel (0, 0), its change to the right and down
     uint flags;
-    vec3 x, y, w; // clip-space positions of its vertices
+    vec3 x, y, w; // clip-space positions of its vertices, the nearest first, times `scale`
+    float scale;
 };
 
-Bound bound = Bound(0u, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0));
+Bound bound = Bound(0u, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0);
 
-// Word `lane & 3` of each location the shader reads, for each vertex.
-uvec3 parts[MAX_VARYINGS];
-uvec3 varying_base; // first word of each vertex's varyings
+// Word `lane & 3` of each location the shader reads. Compilers leave out what nobody reads, mostly one of the two.
+uvec3 parts[MAX_VARYINGS];    // as `differences` of `lib/interpolate.glsl`
+uint provoking[MAX_VARYINGS]; // for flat varyings
+uvec3 varying_base;           // first word of each vertex's varyings
+uint provoking_base;
 
 // Replaced by the splicer.
 void tw_user_bind();
@@ -72,10 +76,18 @@ Bound bind_triangle(const uint key) {
     uvec4 fields = of_quad(triangles[at].depth_piece[part]);
     uvec4 vertices = of_quad(triangles[at].vertices_flags[part]);
     vec3 corners = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);
+    // Lanes hold x, y, z and w of the corners; z weighs nothing.
+    float largest = part == 2u ? 0.0 : max(abs(corners.x), max(abs(corners.y), abs(corners.z)));
+    largest = max(largest, subgroupQuadSwapHorizontal(largest));
+    float scale = scale_for(max(largest, subgroupQuadSwapVertical(largest)));
+    uint first = nearest(subgroupQuadBroadcast(corners, 3u));
+    corners = corners_from(first, corners) * scale;
     bound = Bound(key, uintBitsToFloat(fields.xyz), vertices.w, subgroupQuadBroadcast(corners, 0u),
-                  subgroupQuadBroadcast(corners, 1u), subgroupQuadBroadcast(corners, 3u));
+                  subgroupQuadBroadcast(corners, 1u), subgroupQuadBroadcast(corners, 3u), scale);
     bind(fields.w);
-    varying_base = piece_varyings + (vertices.xyz - piece_vertices) * varying_stride;
+    uvec3 base = piece_varyings + (vertices.xyz - piece_vertices) * varying_stride;
+    varying_base = corners_from(first, base);
+    provoking_base = base.x;
     tw_user_bind_inputs();
     return bound;
 }

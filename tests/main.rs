@@ -5,6 +5,7 @@ mod classic;
 mod cli;
 mod common;
 mod extremes;
+mod interpolation;
 mod kernels;
 mod large;
 mod parity;
