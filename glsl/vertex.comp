@@ -62,7 +62,7 @@ uvec4 fetch(const uint location, const uint one) {
     uvec4 value = uvec4(0u, 0u, 0u, one);
     uint format = attribute_format(location);
     if (format == 0u) return value;
-    uint component = format & 0xffu, count = (format >> ATTRIBUTE_COUNT_SHIFT) & 7u;
+    uint component = format & ((1u << ATTRIBUTE_COUNT_SHIFT) - 1u), count = (format >> ATTRIBUTE_COUNT_SHIFT) & 7u;
     // Not through a local variable, which a lane that is switched off would leave undefined.
     uint index = uint((format & ATTRIBUTE_PER_INSTANCE) != 0u ? tw_InstanceIndex : tw_VertexIndex);
     uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index;
