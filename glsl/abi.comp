@@ -11,5 +11,5 @@ layout(scalar, binding = 5) buffer QuadPieces { QuadPiece quad_pieces[]; };
 layout(scalar, binding = 6) buffer QuadTriangles { QuadTriangle quad_triangles[]; };
 void main() {
     batches[0].width = pieces[0].first_primitive + attributes[0].slot + triangles[0].flags + clears[0].pixels
-        + quad_pieces[0].cull + quad_triangles[0].x_first.x;
+        + quad_pieces[0].cull + quad_triangles[0].raster[0].x;
 }

@@ -111,11 +111,9 @@ struct QuadPiece {
     uint blend_alpha;
 };
 
-// `Triangle` as it is stored, and as a quad fetches it.
+// `Triangle` by pairs of words, one pair for each lane of a quad in either half.
 struct QuadTriangle {
-    uvec4 x_first;        // x, bounds_min
-    uvec4 y_last;         // y, bounds_max
-    uvec4 depth_piece;    // z, dzdx, dzdy, piece
-    uvec4 vertices_flags; // vertices, flags
+    uvec2 raster[4];  // x, bounds_min, y, bounds_max
+    uvec2 shading[4]; // z, dzdx, dzdy, piece, vertices, flags
 };
 #endif

@@ -14,19 +14,21 @@
 #include "lib/key.glsl"
 
 layout(local_size_x = GROUP) in;
-layout(scalar, binding = 1) readonly buffer Triangles { Triangle triangles[]; };
+layout(scalar, binding = 1) readonly buffer Triangles { QuadTriangle triangles[]; };
 layout(scalar, binding = 2) buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 3) writeonly buffer Entries { uint entries[]; };
 layout(scalar, binding = 4) readonly buffer PrimitiveCells { uint primitive_cells[]; };
 
 void scatter(const uint key) {
     uint at = key_triangle(key, batch.extra_first);
-    uint flags = triangles[at].flags;
+    uint flags = triangles[at].shading[3].y;
     if ((flags & TRIANGLE_VALID) == 0u) return;
     uint level = (flags >> TRIANGLE_LEVEL_SHIFT) & 3u;
-    uint low = triangles[at].bounds_min, high = triangles[at].bounds_max;
+    uvec4 x_low = uvec4(triangles[at].raster[0], triangles[at].raster[1]);
+    uvec4 y_high = uvec4(triangles[at].raster[2], triangles[at].raster[3]);
+    uint low = x_low.w, high = y_high.w;
     uvec4 range = cells_under(level, uvec2(low & 0xffffu, low >> 16), uvec2(high & 0xffffu, high >> 16));
-    ivec3 x = triangles[at].x, y = triangles[at].y;
+    ivec3 x = ivec3(x_low.xyz), y = ivec3(y_high.xyz);
     for (uint row = range.y; row <= range.w; row++) {
         for (uint column = range.x; column <= range.z; column++) {
             if (!cell_lists(x, y, level, range, uvec2(column, row), batch.origin_y)) continue;
@@ -44,7 +46,7 @@ void main() {
         uint cell = primitive_cells[primitive];
         if (cell < SEVERAL_CELLS) entries[atomicAdd(cell_ends[cell], 1u)] = key_of(primitive, 0u);
         if (cell != SEVERAL_CELLS) continue;
-        uint parts = 1u + (triangles[primitive].flags >> TRIANGLE_EXTRA_SHIFT);
+        uint parts = 1u + (triangles[primitive].shading[3].y >> TRIANGLE_EXTRA_SHIFT);
         for (uint part = 0u; part < parts; part++) scatter(key_of(primitive, part));
     }
 }

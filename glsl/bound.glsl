@@ -13,8 +13,8 @@
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
 layout(scalar, binding = 0) readonly buffer Pieces { QuadPiece pieces[]; };
 layout(scalar, binding = 1) readonly buffer Triangles { QuadTriangle triangles[]; };
-layout(scalar, binding = 2) readonly buffer Positions { vec4 positions[]; };
-layout(scalar, binding = 3) readonly buffer Varyings { uint varyings[]; };
+layout(scalar, binding = 2) readonly buffer Positions { uvec2 positions[][2]; };
+layout(scalar, binding = 3) readonly buffer Varyings { uvec2 varyings[]; };
 layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[]; };
 
 layout(scalar, set = SET_TABLE, binding = TABLE_BUFFERS) readonly buffer Words { uint words[]; } table[];
@@ -37,10 +37,11 @@ struct Bound {
 
 Bound bound = Bound(0u, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0);
 
-// Word `lane & 3` of each location the shader reads. Compilers leave out what nobody reads, mostly one of the two.
+// Varyings, two locations at a time: of each, two lanes of the quad hold two words. The first and the second word of
+// this lane follow each other. Compilers leave out what nobody reads, mostly one of the two.
 uvec3 parts[MAX_VARYINGS];    // as `differences` of `lib/interpolate.glsl`
 uint provoking[MAX_VARYINGS]; // for flat varyings
-uvec3 varying_base;           // first word of each vertex's varyings
+uvec3 varying_base;           // first pair of words of each vertex's varyings, the nearest vertex first
 uint provoking_base;
 
 // Replaced by the splicer.
@@ -68,24 +69,28 @@ void bind(const uint piece) {
 }
 
 // The triangle of `key`, which is that of the hooks from here on; all four lanes of a quad call it
-// together. Quads of large triangles follow each other and find it bound. (Two of them kept, for where
-// triangles meet, were no faster, and none kept a fifth slower on large ones.)
+// together. Quads of large triangles follow each other and find it bound.
 Bound bind_triangle(const uint key) {
     if (key == bound.key) return bound;
-    uint at = key_triangle(key, batch.extra_first), part = QUAD_LANE;
-    uvec4 fields = of_quad(triangles[at].depth_piece[part]);
-    uvec4 vertices = of_quad(triangles[at].vertices_flags[part]);
-    vec3 corners = vec3(positions[vertices.x][part], positions[vertices.y][part], positions[vertices.z][part]);
-    // Lanes hold x, y, z and w of the corners; z weighs nothing.
-    float largest = part == 2u ? 0.0 : max(abs(corners.x), max(abs(corners.y), abs(corners.z)));
+    uvec2 own = triangles[key_triangle(key, batch.extra_first)].shading[QUAD_LANE];
+    uvec4 fields = of_first_half(own), vertices = of_second_half(own);
+    // Two lanes for each of two vertices; the third takes two as well. They hold x and y, or z, which weighs nothing, and w.
+    uint half_vertex = QUAD_LANE & 1u;
+    vec2 of_two = uintBitsToFloat(positions[QUAD_LANE < 2u ? vertices.x : vertices.y][half_vertex]);
+    vec2 of_third = uintBitsToFloat(positions[vertices.z][half_vertex]);
+    float largest = max(abs(of_two.y), abs(of_third.y));
+    if (half_vertex == 0u) largest = max(largest, max(abs(of_two.x), abs(of_third.x)));
     largest = max(largest, subgroupQuadSwapHorizontal(largest));
     float scale = scale_for(max(largest, subgroupQuadSwapVertical(largest)));
-    uint first = nearest(subgroupQuadBroadcast(corners, 3u));
-    corners = corners_from(first, corners) * scale;
-    bound = Bound(key, uintBitsToFloat(fields.xyz), vertices.w, subgroupQuadBroadcast(corners, 0u),
-                  subgroupQuadBroadcast(corners, 1u), subgroupQuadBroadcast(corners, 3u), scale);
+    uvec2 two = floatBitsToUint(of_two * scale), third = floatBitsToUint(of_third * scale);
+    vec4 a = uintBitsToFloat(of_first_half(two)), b = uintBitsToFloat(of_second_half(two));
+    vec4 c = uintBitsToFloat(of_first_half(third));
+    vec3 w = vec3(a.w, b.w, c.w);
+    uint first = nearest(w);
+    bound = Bound(key, uintBitsToFloat(fields.xyz), vertices.w, corners_from(first, vec3(a.x, b.x, c.x)),
+                  corners_from(first, vec3(a.y, b.y, c.y)), corners_from(first, w), scale);
     bind(fields.w);
-    uvec3 base = piece_varyings + (vertices.xyz - piece_vertices) * varying_stride;
+    uvec3 base = (piece_varyings + (vertices.xyz - piece_vertices) * varying_stride) >> 1;
     varying_base = corners_from(first, base);
     provoking_base = base.x;
     tw_user_bind_inputs();

@@ -30,16 +30,28 @@ uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)
     return of_quad(table[nonuniformEXT(slot)].words[min(word + QUAD_LANE, last)]);
 }
 
-void tw_bind_input(const in uint location) {
-    uvec3 at = varying_base + location * 4u + QUAD_LANE;
-    parts[location] = differences(uvec3(varyings[at.x], varyings[at.y], varyings[at.z]));
-    provoking[location] = varyings[provoking_base + location * 4u + QUAD_LANE];
+void tw_bind_inputs(const in uint location) {
+    uvec3 at = varying_base + location * 2u + QUAD_LANE;
+    uvec2 a = varyings[at.x], b = varyings[at.y], c = varyings[at.z];
+    parts[location] = differences(uvec3(a.x, b.x, c.x));
+    parts[location + 1u] = differences(uvec3(a.y, b.y, c.y));
+    uvec2 own = varyings[provoking_base + location * 2u + QUAD_LANE];
+    provoking[location] = own.x;
+    provoking[location + 1u] = own.y;
+}
+
+// The words of `location`, of which this lane of the quad has those of `first` and `second`.
+uvec4 input_words(const uint location, const uint first, const uint second) {
+    if ((location & 1u) == 0u) return of_first_half(uvec2(first, second));
+    return of_second_half(uvec2(first, second));
 }
 
 vec4 input_at(const vec3 weights, const uint location) {
-    uvec3 part = parts[location];
-    return interpolate(weights, uintBitsToFloat(of_quad(part.x)), uintBitsToFloat(of_quad(part.y)),
-                       uintBitsToFloat(of_quad(part.z)));
+    uint even = location & ~1u;
+    uvec3 first = parts[even], second = parts[even + 1u];
+    return interpolate(weights, uintBitsToFloat(input_words(location, first.x, second.x)),
+                       uintBitsToFloat(input_words(location, first.y, second.y)),
+                       uintBitsToFloat(input_words(location, first.z, second.z)));
 }
 
 vec4 tw_input_smooth(const in uint location) {
@@ -51,7 +63,8 @@ vec4 tw_input_noperspective(const in uint location) {
 }
 
 uvec4 tw_input_flat(const in uint location) {
-    return of_quad(provoking[location]);
+    uint even = location & ~1u;
+    return input_words(location, provoking[even], provoking[even + 1u]);
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
@@ -78,7 +91,7 @@ void tw_user_bind() {
 }
 
 void tw_user_bind_inputs() {
-    tw_bind_input(0u);
+    tw_bind_inputs(0u);
 }
 
 void tw_user_main() {

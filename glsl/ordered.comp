@@ -11,10 +11,7 @@
 // One subgroup is one workgroup is one bin. It walks the four sorted lists as one, triangle by
 // triangle: first all pixels under its box are tested, then the shader runs in each quad where one of
 // them passed, with nothing to fetch between one quad and the next. A pixel's colour and depth stay in
-// memory, touched by one lane only.
-//
-// What was tried: leaving out patches that an edge has outside, as raster does, gained nothing for leaves and
-// lost a little for layers; grouping the terms of the sRGB polynomials for shorter chains changed nothing.
+// memory, touched by one lane only. `docs/tried.md` says what was tried.
 #version 460
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
@@ -71,17 +68,17 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     uint t = key_triangle(key, batch.extra_first);
     uint lane = gl_SubgroupInvocationID;
     ivec2 origin = local_origin + ivec2(0, int(batch.origin_y));
-    uvec4 x_first = of_quad(triangles[t].x_first[QUAD_LANE]);
-    uvec4 y_last = of_quad(triangles[t].y_last[QUAD_LANE]);
-    uint low_bits = x_first.w, high_bits = y_last.w;
+    uvec2 own = triangles[t].raster[QUAD_LANE];
+    uvec4 x_low = of_first_half(own), y_high = of_second_half(own);
+    uint low_bits = x_low.w, high_bits = y_high.w;
     ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
     ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
     // A coarse cell lists triangles that miss some of its bins.
     if (any(lessThan(high, ivec2(0))) || any(greaterThan(low, BIN_LAST))) return;
-    Edges edges = edges_from(ivec3(x_first.xyz), ivec3(y_last.xyz), origin, 0u);
+    Edges edges = edges_from(ivec3(x_low.xyz), ivec3(y_high.xyz), origin, 0u);
     ivec3 least = edges.at + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
     bool covers = (least.x | least.y | least.z) >= 0 && all(lessThanEqual(low, ivec2(0))) && all(greaterThanEqual(high, BIN_LAST));
-    uvec4 depth_piece = of_quad(triangles[t].depth_piece[QUAD_LANE]);
+    uvec4 depth_piece = of_first_half(triangles[t].shading[QUAD_LANE]);
     uint piece = depth_piece.w;
     vec3 z_plane = uintBitsToFloat(depth_piece.xyz);
     uvec4 state = of_quad(pieces[piece].output_state[QUAD_LANE]);

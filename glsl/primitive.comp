@@ -52,7 +52,7 @@ ivec2 snap(const vec3 p) {
 }
 
 void store_flags(const uint at, const uint flags) {
-    triangles[at].vertices_flags.w = flags;
+    triangles[at].shading[3].y = flags;
 }
 
 // Sets up one triangle at `at`, whose flags include `more`; without TRIANGLE_VALID if it draws nothing. The
@@ -85,10 +85,14 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
     uint level = cell_level(x, y, first, last, batch.origin_y);
     flags |= level << TRIANGLE_LEVEL_SHIFT;
 
-    triangles[at].x_first = uvec4(uvec3(x), first.x | first.y << 16);
-    triangles[at].y_last = uvec4(uvec3(y), last.x | last.y << 16);
-    triangles[at].depth_piece = uvec4(floatBitsToUint(plane.zxy), piece_index);
-    triangles[at].vertices_flags = uvec4(slots, flags | more);
+    triangles[at].raster[0] = uvec2(x.xy);
+    triangles[at].raster[1] = uvec2(x.z, first.x | first.y << 16);
+    triangles[at].raster[2] = uvec2(y.xy);
+    triangles[at].raster[3] = uvec2(y.z, last.x | last.y << 16);
+    triangles[at].shading[0] = floatBitsToUint(plane.zx);
+    triangles[at].shading[1] = uvec2(floatBitsToUint(plane.y), piece_index);
+    triangles[at].shading[2] = slots.xy;
+    triangles[at].shading[3] = uvec2(slots.z, flags | more);
 
     uvec4 range = cells_under(level, first, last);
     uint cell = 0u;

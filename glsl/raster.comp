@@ -15,13 +15,8 @@
 // triangle covers in front of everything, and one where everything is hidden, do without all of that:
 // bounds of what a bin holds are kept from batch to batch.
 //
-// What was tried: everything in registers, all loops unrolled, tested the 64 pixels of a quadrant for a
-// triangle of three, and took lavapipe three seconds to compile. Depth and key in shared memory, as GPUs
-// have them, cost a CPU four walks over its lanes for each patch, and with `fill` and the copy back a
-// quarter of the stage: hence IN_PLACE. To find the farthest depth of a block after each round cost a sixth of
-// the stage where surfaces hide little; to do so after each eighth, a fifth where they hide much. Leaving out
-// patches of the box that the triangle misses made the stage a quarter faster for needles. To reject what is
-// hidden by rough depth first gained nothing. Handing the pixel coordinate to shorter arithmetic, since it has 12 bits at most, gave nothing.
+// Depth and key of a pixel are in the targets' own memory where a CPU is the device (IN_PLACE). `docs/tried.md` says
+// what was tried.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
 #include "abi.glsl"
@@ -37,7 +32,7 @@ layout(local_size_x_id = SPEC_WIDTH) in;
 layout(scalar, binding = 0) readonly buffer Bins { uint bins[]; };
 layout(scalar, binding = 1) readonly buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 2) readonly buffer Entries { uint entries[]; };
-layout(scalar, binding = 3) readonly buffer Triangles { Triangle triangles[]; };
+layout(scalar, binding = 3) readonly buffer Triangles { QuadTriangle triangles[]; };
 layout(scalar, binding = 4) readonly buffer Pieces { Piece pieces[]; };
 #include "shade_lists.glsl"
 
@@ -79,11 +74,13 @@ void main() {
         [[dont_unroll]] for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += WIDTH) {
             uint key = entries[min(first + lane, end - 1u)];
             uint at = key_triangle(key, batch.extra_first);
-            ivec3 x = triangles[at].x, y = triangles[at].y;
-            vec3 plane = vec3(triangles[at].z, triangles[at].dzdx, triangles[at].dzdy);
-            uint low_bits = triangles[at].bounds_min, high_bits = triangles[at].bounds_max;
+            uvec4 x_low = uvec4(triangles[at].raster[0], triangles[at].raster[1]);
+            uvec4 y_high = uvec4(triangles[at].raster[2], triangles[at].raster[3]);
+            ivec3 x = ivec3(x_low.xyz), y = ivec3(y_high.xyz);
+            uint low_bits = x_low.w, high_bits = y_high.w;
+            vec3 plane = uintBitsToFloat(uvec3(triangles[at].shading[0], triangles[at].shading[1].x));
             // Of a bin that reaches beyond the target, pixels there are cut off too.
-            uint cut = inside ? triangles[at].flags & TRIANGLE_CUT : TRIANGLE_CUT;
+            uint cut = inside ? triangles[at].shading[3].y & TRIANGLE_CUT : TRIANGLE_CUT;
             ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
             ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
             Edges edges = edges_from(x, y, origin, 0u);

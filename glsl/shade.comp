@@ -10,8 +10,7 @@
 // One subgroup is one workgroup is one bin. Each lane looks at another quad of the bin and counts the
 // triangles that it shows; what there is to shade, a quad and one of its triangles, is then numbered
 // through, and as many of these are taken at a time as the subgroup has quads, so that quads with one
-// triangle do not wait for quads with four. Lists in shared memory were the arrangement before: the
-// barrier alone, which is a coroutine to lavapipe, made compiling a third dearer.
+// triangle do not wait for quads with four. `docs/tried.md` says what was tried.
 #version 460
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
@@ -29,7 +28,7 @@ layout(scalar, binding = 7) writeonly buffer Color { uint color[]; };
 // A key that a pixel shows, 0 if its triangle is another fragment kernel's.
 uint own_key(const uint key) {
     if (key == 0u) return key;
-    uint piece = triangles[key_triangle(key, batch.extra_first)].depth_piece.w;
+    uint piece = triangles[key_triangle(key, batch.extra_first)].shading[1].y;
     return pieces[piece].fragment_kernel == batch.fragment_kernel ? key : 0u;
 }
 

@@ -13,7 +13,7 @@ layout(scalar, binding = 8) writeonly buffer ShadeBins { uvec2 shade_bins[]; };
 // The number among the batch's fragment kernels of the one that shades the triangle of `key`.
 uint fragment_kernel_of(const uint key) {
     if (batch.fragment_kernels == 1u) return 0u;
-    return pieces[triangles[key_triangle(key, batch.extra_first)].piece].fragment_kernel;
+    return pieces[triangles[key_triangle(key, batch.extra_first)].shading[1].y].fragment_kernel;
 }
 
 // Brings depth and keys of the bin's pixels to where they belong; finds which fragment kernels they ask for,

@@ -14,16 +14,15 @@
 // and moving it to the viewport for each of these was a third of the primitive stage.
 #version 460
 #include "pieces.glsl"
-#include "lib/attribute.glsl"
 #include "lib/quad.glsl"
 #include "lib/window.glsl"
 
 layout(constant_id = SPEC_LANES) const uint LANES = 64u;
+layout(constant_id = SPEC_READ) const uint READ = 0xffffffffu;
 layout(local_size_x_id = SPEC_LANES) in;
 layout(scalar, binding = 0) readonly buffer Pieces { QuadPiece pieces[]; };
 layout(scalar, binding = 1) writeonly buffer Positions { vec4 positions[]; };
 layout(scalar, binding = 2) writeonly buffer Varyings { uvec4 varyings[]; };
-layout(scalar, binding = 3) readonly buffer Attributes { uint attributes[][3]; }; // `Attribute`
 layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[]; };
 // Pieces in the order of their vertex slots.
 layout(scalar, binding = 5) readonly buffer Runs { uint runs[]; };
@@ -36,8 +35,9 @@ float tw_PointSize;
 
 Piece piece;
 Viewport viewport;
-Attribute bound_attributes[MAX_ATTRIBUTES];
 uint varying_base;
+
+#include "attributes.glsl"
 
 uint tw_resource(const in uint i) {
     return resource_slots[piece.vertex_resources + i];
@@ -47,43 +47,8 @@ uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)
     return of_quad(table[nonuniformEXT(slot)].words[min(word + QUAD_LANE, last)]);
 }
 
-void tw_bind_attribute(const in uint location) {
-    uvec4 words = of_quad(attributes[piece.attribute_base + location][min(QUAD_LANE, 2u)]);
-    bound_attributes[location] = Attribute(words.x, words.y, words.z);
-}
-
-// The component at `byte` of what the slot shows. Components are aligned to their size.
-uint fetch_component(const uint slot, const uint component, const uint byte) {
-    uint word = table[nonuniformEXT(slot)].words[byte >> 2];
-    return component_value(component, component_bytes(component) == 4u ? word : word >> ((byte & 3u) * 8u));
-}
-
-uvec4 fetch(const uint location, const uint one) {
-    uvec4 value = uvec4(0u, 0u, 0u, one);
-    uint format = attribute_format(location);
-    if (format == 0u) return value;
-    uint component = format & ((1u << ATTRIBUTE_COUNT_SHIFT) - 1u), count = (format >> ATTRIBUTE_COUNT_SHIFT) & 7u;
-    // Not through a local variable, which a lane that is switched off would leave undefined.
-    uint index = uint((format & ATTRIBUTE_PER_INSTANCE) != 0u ? tw_InstanceIndex : tw_VertexIndex);
-    uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index;
-    uint slot = bound_attributes[location].slot + (byte >> WINDOW_LOG2), size = component_bytes(component);
-    byte &= (1u << WINDOW_LOG2) - 1u;
-    value.x = fetch_component(slot, component, byte);
-    if (count > 1u) value.y = fetch_component(slot, component, byte + size);
-    if (count > 2u) value.z = fetch_component(slot, component, byte + 2u * size);
-    if (count > 3u) value.w = fetch_component(slot, component, byte + 3u * size);
-    return value;
-}
-
-vec4 tw_attribute_float(const in uint location) {
-    return uintBitsToFloat(fetch(location, floatBitsToUint(1.0)));
-}
-
-uvec4 tw_attribute_uint(const in uint location) {
-    return fetch(location, 1u);
-}
-
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
+    if (location >= MAX_VARYINGS || (READ >> location & 1u) == 0u) return;
     if (count == 4u) {
         varyings[varying_base + location] = value;
     } else {
@@ -91,9 +56,13 @@ void tw_output(const in uint location, const in uint component, const in uint co
     }
 }
 
-// Both are replaced by the splicer; they call every hook, so that none is optimised away.
+// All are replaced by the splicer; they call every hook, so that none is optimised away.
 void tw_user_bind() {
     tw_bind_attribute(tw_block_words(tw_resource(0u), 0u, 0u).x);
+}
+
+void tw_user_bind_instance() {
+    tw_bind_instance_attribute(0u);
 }
 
 void tw_user_main() {
@@ -142,6 +111,16 @@ void bind(const uint index) {
     viewport.scale = vec3(in_pixels.xy, pieces[index].depth_scale);
     viewport.offset = vec3(in_pixels.zw, pieces[index].depth_offset);
     tw_user_bind();
+    bound_instance = NONE;
+}
+
+// Makes `instance`, of the bound piece's draw, that of the attributes per instance. Most vertices find it bound;
+// lavapipe jumps over a branch only if there is another one in it.
+void bind_instance(const uint instance) {
+    [[dont_flatten]] if (instance != bound_instance) {
+        bound_instance = instance;
+        [[dont_flatten]] if (instance != NONE) tw_user_bind_instance();
+    }
 }
 
 void main() {
@@ -182,6 +161,7 @@ void main() {
             tw_Position = vec4(0.0);
             tw_PointSize = 1.0;
             varying_base = (piece.varying_base + local * piece.varying_stride) >> 2;
+            bind_instance(instance);
             tw_user_main();
             positions[slot] = tw_Position;
             vec4 p = sanitized(tw_Position);

@@ -74,13 +74,16 @@ shared_constants! {
     pub const SPEC_FORMAT: u32 = 65538;
     /// Specialization constant: when the depth test happens, one of `DEPTH_*`.
     pub const SPEC_DEPTH: u32 = 65540;
+    /// Specialization constant: a bit for each varying location that the fragment shader reads; what a vertex
+    /// shader writes to others is not stored.
+    pub const SPEC_READ: u32 = 65543;
     /// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
     /// there is none: its `Component`, the number of components from bit
     /// [`ATTRIBUTE_COUNT_SHIFT`] on, and [`ATTRIBUTE_PER_INSTANCE`].
     pub const SPEC_ATTRIBUTE: u32 = 65664;
     /// Attribute format: first bit of the number of components.
     pub const ATTRIBUTE_COUNT_SHIFT: u32 = 8;
-    /// Attribute format: it advances per instance.
+    /// Attribute format: it is the same for all vertices of an instance.
     pub const ATTRIBUTE_PER_INSTANCE: u32 = 4096;
     /// Depth test before the shader, write after it unless it discards.
     pub const DEPTH_EARLY_TEST: u32 = 0;

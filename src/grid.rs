@@ -131,10 +131,14 @@ impl Capacities {
     }
 
     /// Words of varyings of a batch whose vertices the following ones share: to shade them once is worth
-    /// more than to have them near.
+    /// more than to have them near. With [`Capacities::VARYING_OVERHANG`], a binding still holds them.
     pub const fn shared_varying_words(&self) -> u64 {
-        8 * self.varying_words as u64
+        8 * self.varying_words as u64 - Self::VARYING_OVERHANG as u64
     }
+
+    /// Words that are read beyond the last vertex's varyings: locations are read by twos, and there may be
+    /// an odd number of them.
+    pub const VARYING_OVERHANG: u32 = 4;
 
     /// Triangles: each primitive can be clipped into [`abi::MAX_CLIPPED`].
     pub const fn triangles(&self) -> u32 {

@@ -1,9 +1,11 @@
 //! The test suite: one binary, one module for each question it answers.
 
+mod attributes;
 mod bench;
 mod classic;
 mod cli;
 mod common;
+mod devices;
 mod extremes;
 mod interpolation;
 mod kernels;

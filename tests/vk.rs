@@ -1,7 +1,10 @@
 //! Does the device layer do what it promises, on every driver, without a validation message?
 
 use crate::common::{gpu, kernel_spirv, on_each_gpu, open_with};
-use std::time::{Duration, Instant};
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
 use tilewright::{
     Error,
     format::Format,
@@ -225,6 +228,114 @@ fn a_missing_barrier_is_reported_by_the_validation_layer() {
     recorder.submit().unwrap();
     let messages = gpu.expect_messages();
     assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{messages:?}");
+}
+
+/// Kernels that reach blocks by address read two words at a time: a block that begins between two pairs
+/// would be read at an address that Vulkan does not allow.
+#[test]
+fn a_block_by_address_begins_at_a_pair_of_words() {
+    on_each_gpu("a block by address begins at a pair of words", |gpu| {
+        let (kernel, _) = add(gpu);
+        let offset = gpu.limits().storage_offset_bytes.max(8) as usize / 4;
+        let cells = Buffer::<u32>::new(gpu, "cells", offset + 64, Memory::Device).unwrap();
+        let dispatch = |first: usize| {
+            let cells = cells.slice(first..first + 64).unwrap();
+            let mut recorder = Recorder::new(gpu, "shifted").unwrap();
+            recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1])
+        };
+        dispatch(offset).unwrap();
+        if gpu.reads_by_address() || gpu.limits().storage_offset_bytes > 4 {
+            let error = dispatch(1).unwrap_err();
+            assert!(matches!(error, Error::Usage(_)), "{error}");
+            assert!(error.to_string().contains("`cells`"), "{error}");
+        }
+    });
+}
+
+const REPEAT: &str = "#version 460
+layout(local_size_x = 64) in;
+layout(binding = 0) volatile readonly buffer Given { uint given[]; };
+layout(binding = 1) buffer Seen { uint seen[]; };
+void main() {
+    for (uint i = gl_LocalInvocationID.x; i < seen.length(); i += 64u) seen[i] = given[i & 1023u];
+}";
+
+/// Host and device take turns: what one of them is at work on, clones on other threads do not touch.
+#[test]
+fn a_run_sees_all_of_what_another_thread_writes_or_nothing_of_it() {
+    let gpu = gpu();
+    let spirv = kernel_spirv(REPEAT);
+    let info = KernelInfo { name: "repeat", spirv: &spirv, ..KernelInfo::default() };
+    let kernel = Kernel::new(&gpu, &info).unwrap();
+    let given = Buffer::upload(&gpu, "given", &[0u32; 1024]).unwrap();
+    let seen = Buffer::<u32>::new(&gpu, "seen", 1 << 18, Memory::Readback).unwrap();
+    let mut recorder = Recorder::new(&gpu, "repeat").unwrap();
+    let dispatch = recorder.kernel(&kernel).bind("Given", &given).bind("Seen", &seen);
+    dispatch.dispatch([1, 1, 1]).unwrap();
+    let mut recording = recorder.finish().unwrap();
+    recording.run().unwrap();
+    let done = AtomicBool::new(false);
+    let uniform = |values: &[u32]| values.iter().all(|v| *v == values[0]);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let clone = given.clone();
+            for n in (1u32..).take_while(|_| !done.load(Ordering::Relaxed)) {
+                clone.write(0, &[n; 1024]).unwrap();
+            }
+        });
+        scope.spawn(|| {
+            let clone = seen.clone();
+            while !done.load(Ordering::Relaxed) {
+                assert!(uniform(&clone.read().unwrap()), "a read met a run");
+            }
+        });
+        // Whatever happens, the threads end.
+        let runs: Vec<bool> = (0..60)
+            .map(|_| recording.run().is_ok() && seen.read().is_ok_and(|values| uniform(&values)))
+            .collect();
+        done.store(true, Ordering::Relaxed);
+        assert!(runs.iter().all(|good| *good), "a write met a run: {runs:?}");
+    });
+}
+
+/// Safe code cannot reach memory that it did not bind, whatever its kernels index.
+#[test]
+fn a_kernel_that_indexes_beyond_its_buffers_reaches_nothing_else() {
+    let source = "#version 460
+layout(local_size_x = 64) in;
+layout(binding = 0) buffer Cells { uint cells[]; };
+layout(binding = 1) uniform Far { uint far; };
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    cells[far + i * 65537u] = 7u;
+    cells[i & 3u] = cells[far * 3u + i] == 9u ? 1u : 2u;
+}";
+    on_each_gpu("a kernel that indexes beyond its buffers reaches nothing else", |gpu| {
+        let spirv = kernel_spirv(source);
+        let info = KernelInfo { name: "far", spirv: &spirv, ..KernelInfo::default() };
+        let kernel = Kernel::new(gpu, &info).unwrap();
+        let cells = Buffer::<u32>::new(gpu, "cells", 4, Memory::Device).unwrap();
+        let far = Buffer::upload(gpu, "far", &[1u32 << 26, 0, 0, 0]).unwrap();
+        let mut recorder = Recorder::new(gpu, "far").unwrap();
+        recorder.fill(&cells, 0).unwrap();
+        let dispatch = recorder.kernel(&kernel).bind("Cells", &cells).bind("Far", &far);
+        dispatch.dispatch([64, 1, 1]).unwrap();
+        let read = recorder.download(&cells).unwrap();
+        recorder.submit().unwrap();
+        assert!(read.read().unwrap().iter().all(|cell| [1, 2, 7].contains(cell)));
+    });
+    let by_address = kernel_spirv(
+        "#version 460
+#extension GL_EXT_buffer_reference : require
+layout(local_size_x = 1) in;
+layout(buffer_reference) buffer Word { uint word; };
+layout(push_constant) uniform Push { Word at; };
+void main() { at.word = 1u; }",
+    );
+    let info = KernelInfo { name: "wild", spirv: &by_address, ..KernelInfo::default() };
+    let error = Kernel::new(&gpu(), &info).unwrap_err();
+    assert!(matches!(error, Error::Usage(_)), "{error}");
+    assert!(error.to_string().contains("`wild` reaches memory by address"), "{error}");
 }
 
 const ENDLESS: &str = "#version 460

@@ -42,4 +42,8 @@ uint attribute_format(const uint location) {
         ATTRIBUTE_24, ATTRIBUTE_25, ATTRIBUTE_26, ATTRIBUTE_27, ATTRIBUTE_28, ATTRIBUTE_29, ATTRIBUTE_30, ATTRIBUTE_31);
     return formats[location];
 }
+
+uint attribute_count(const uint location) {
+    return (attribute_format(location) >> ATTRIBUTE_COUNT_SHIFT) & 7u;
+}
 #endif

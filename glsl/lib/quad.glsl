@@ -1,5 +1,6 @@
-// Words that the four lanes of a quad need alike: each lane loads one, and the others get it from
-// there. Loads are dear on CPUs, and shuffles are not.
+// Words that the four lanes of a quad need alike: each lane loads one or two, and the others get them
+// from there. Loads are expensive on CPUs, and shuffles are not. Where a lane loads two words, they are
+// a `uvec2` at a multiple of 8 bytes, which CPUs load as one (`src/vk/address/pairs.rs`).
 #ifndef QUAD_GLSL
 #define QUAD_GLSL
 #extension GL_EXT_scalar_block_layout : require
@@ -13,6 +14,15 @@
 uvec4 of_quad(const uint own) {
     return uvec4(subgroupQuadBroadcast(own, 0u), subgroupQuadBroadcast(own, 1u),
                  subgroupQuadBroadcast(own, 2u), subgroupQuadBroadcast(own, 3u));
+}
+
+// The words that the first two lanes of the quad hold, and those that the last two do.
+uvec4 of_first_half(const uvec2 own) {
+    return uvec4(subgroupQuadBroadcast(own, 0u), subgroupQuadBroadcast(own, 1u));
+}
+
+uvec4 of_second_half(const uvec2 own) {
+    return uvec4(subgroupQuadBroadcast(own, 2u), subgroupQuadBroadcast(own, 3u));
 }
 
 bool any_of_quad(const bool own) {

@@ -33,6 +33,7 @@ const _: () = assert!(abi::SPEC_COMPARE == 65537, "SPEC_COMPARE has changed: run
 const _: () = assert!(abi::SPEC_IN_PLACE == 65542, "SPEC_IN_PLACE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_FORMAT == 65538, "SPEC_FORMAT has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_DEPTH == 65540, "SPEC_DEPTH has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_READ == 65543, "SPEC_READ has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_ATTRIBUTE == 65664, "SPEC_ATTRIBUTE has changed: run `cargo spirv`");
 const _: () = assert!(abi::ATTRIBUTE_COUNT_SHIFT == 8, "ATTRIBUTE_COUNT_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::ATTRIBUTE_PER_INSTANCE == 4096, "ATTRIBUTE_PER_INSTANCE has changed: run `cargo spirv`");

@@ -51,7 +51,8 @@ fn check_quad(text: &str, name: &str, members: &[(String, u32)], plain: &[(Strin
     for (member, offset) in members {
         let comment = text.lines().find_map(|line| {
             let (declaration, comment) = line.split_once("//")?;
-            declaration.trim().strip_suffix(&format!(" {member};")).map(|_| comment)
+            let (declared, _) = declaration.trim().split_once(['[', ';'])?;
+            declared.strip_suffix(member.as_str())?.ends_with(' ').then_some(comment)
         });
         let fields: Vec<&str> = comment.unwrap_or(member).split(',').map(str::trim).collect();
         let found = plain.iter().position(|(_, at)| at == offset).map_or(&[][..], |n| &plain[n..]);

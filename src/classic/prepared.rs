@@ -15,8 +15,6 @@ use std::sync::Arc;
 /// A pass that is ready to run, as often as wanted.
 pub struct Prepared {
     draws: Recording,
-    /// Not part of the draws, so that their time does not include it.
-    copies: Recording,
     color: Target,
     depth: Option<Target>,
     extent: Extent,
@@ -25,7 +23,9 @@ pub struct Prepared {
 /// A target and where the host reads it.
 struct Target {
     image: Image,
-    copy: Buffer<u8>,
+    host: Buffer<u8>,
+    /// Fills `host`. Not part of the draws, so that their time does not include it.
+    copy: Recording,
 }
 
 impl Prepared {
@@ -44,13 +44,7 @@ impl Prepared {
         record_draws(gpu, resources, &mut recorder, pass, compiled, &color, depth.as_ref())?;
         resources.flush()?;
         let draws = recorder.finish()?;
-        let mut recorder = Recorder::new(gpu, "copy of the targets")?;
-        color.record_copy(gpu, &mut recorder);
-        if let Some(depth) = &depth {
-            depth.record_copy(gpu, &mut recorder);
-        }
-        let copies = recorder.finish()?;
-        Ok(Self { draws, copies, color, depth, extent: pass.extent })
+        Ok(Self { draws, color, depth, extent: pass.extent })
     }
 
     /// Clears and draws everything; returns the device's time for it in nanoseconds (0 if it has no
@@ -67,13 +61,16 @@ impl Prepared {
     /// # Errors
     /// As [`Prepared::execute`].
     pub fn read(&mut self) -> Result<Frame> {
-        self.copies.run()?;
-        let read = |target: &Target| -> Result<image::Image> {
-            let format = target.image.format();
-            Ok(image::Image { extent: self.extent, format, bytes: target.copy.read()? })
-        };
-        let depth = self.depth.as_ref().map(read).transpose()?;
-        Ok(Frame { color: read(&self.color)?, depth })
+        let depth = self.depth.as_mut().map(|depth| depth.read(self.extent)).transpose()?;
+        Ok(Frame { color: self.read_color()?, depth })
+    }
+
+    /// The colour target alone, as [`Prepared::read`] returns it: half the work for who shows it.
+    ///
+    /// # Errors
+    /// As [`Prepared::execute`].
+    pub fn read_color(&mut self) -> Result<image::Image> {
+        self.color.read(self.extent)
     }
 }
 
@@ -82,8 +79,30 @@ impl Target {
         let usage = ImageUse::Attachment;
         let image = Image::new(gpu, &ImageInfo { name, extent, format, levels: 1, usage })?;
         let bytes = extent.pixels() * format.texel_bytes();
-        let copy = Buffer::new(gpu, &format!("copy of the {name}"), bytes, Memory::Readback)?;
-        Ok(Self { image, copy })
+        let label = format!("copy of the {name}");
+        let host = Buffer::new(gpu, &label, bytes, Memory::Readback)?;
+        let mut recorder = Recorder::new(gpu, &label)?;
+        let region = [image.0.copy_of_level(0, 0)];
+        // SAFETY: the draws leave the image in this layout; the buffer has its size.
+        unsafe {
+            gpu.0.device.cmd_copy_image_to_buffer(
+                recorder.commands.raw,
+                image.0.handle,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                host.raw().handle,
+                &region,
+            );
+        }
+        recorder.commands.keep(image.0.clone());
+        recorder.commands.keep(host.raw().clone());
+        let copy = recorder.finish()?;
+        Ok(Self { image, host, copy })
+    }
+
+    /// The target as it is now.
+    fn read(&mut self, extent: Extent) -> Result<image::Image> {
+        self.copy.run()?;
+        Ok(image::Image { extent, format: self.image.format(), bytes: self.host.read()? })
     }
 
     fn attachment_layout(&self) -> vk::ImageLayout {
@@ -103,22 +122,6 @@ impl Target {
             .load_op(vk::AttachmentLoadOp::CLEAR)
             .store_op(vk::AttachmentStoreOp::STORE)
             .clear_value(clear)
-    }
-
-    fn record_copy(&self, gpu: &Gpu, recorder: &mut Recorder) {
-        let region = [self.image.0.copy_of_level(0, 0)];
-        // SAFETY: the draws leave the image in this layout; the buffer has its size.
-        unsafe {
-            gpu.0.device.cmd_copy_image_to_buffer(
-                recorder.commands.raw,
-                self.image.0.handle,
-                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
-                self.copy.raw().handle,
-                &region,
-            );
-        }
-        recorder.commands.keep(self.image.0.clone());
-        recorder.commands.keep(self.copy.raw().clone());
     }
 }
 

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     bench, classic, compute,
     error::Result,
-    pass::Frame,
+    image::Image,
     vk::{Gpu, Timings},
 };
 use serde_json::{Value, json};
@@ -29,12 +29,12 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     clock.lap("open_device");
     let shot = Shot::new(&plan.view)?;
     clock.lap("read_scene");
-    let (frame, timings) = {
+    let (color, timings) = {
         let _working = talk::working_on("drawing");
         draw(&gpu, plan.backend, &shot, &mut clock)?
     };
     clock.lap("read_back");
-    let image = shot.picture(frame.color)?;
+    let image = shot.picture(color)?;
     plan.picture.write(&picture::encode(&image, gpu.info(), &plan.view.scene)?)?;
     clock.lap("write_picture");
 
@@ -61,7 +61,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
 }
 
 /// Draws the shot; the clock separates what is done once from what every frame costs.
-fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(Frame, Timings)> {
+fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(Image, Timings)> {
     match backend {
         Backend::Compute => {
             let mut renderer = compute::Renderer::new(gpu)?;
@@ -70,14 +70,14 @@ fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(
             clock.lap("prepare");
             let timings = prepared.execute()?;
             clock.lap("draw");
-            Ok((prepared.read()?, timings))
+            Ok((prepared.read_color()?, timings))
         }
         Backend::Classic => {
             let mut prepared = classic::Renderer::new(gpu)?.prepare(&shot.pass)?;
             clock.lap("prepare");
             let total_ns = prepared.execute()?;
             clock.lap("draw");
-            Ok((prepared.read()?, Timings { total_ns, stages: Vec::new() }))
+            Ok((prepared.read_color()?, Timings { total_ns, stages: Vec::new() }))
         }
     }
 }

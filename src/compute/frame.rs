@@ -96,7 +96,8 @@ pub struct Prepared {
     recordings: Vec<Recording>,
     /// Bring the targets home, where the host does not see them as they are. Not part of the
     /// recordings, so that their time does not include it.
-    copies: Vec<Recording>,
+    color_copies: Vec<Recording>,
+    depth_copies: Vec<Recording>,
     extent: Extent,
     format: Format,
     has_depth: bool,
@@ -123,28 +124,47 @@ impl Prepared {
     /// # Errors
     /// As [`Prepared::execute`].
     pub fn read(&mut self) -> Result<Frame> {
-        for copies in &mut self.copies {
-            copies.run()?;
+        let color = self.read_color()?;
+        for copy in &mut self.depth_copies {
+            copy.run()?;
         }
-        read(self.extent, self.format, self.has_depth, &self.targets)
+        let depth = self.has_depth.then(|| read_depth(self.extent, &self.targets)).transpose()?;
+        Ok(Frame { color, depth })
+    }
+
+    /// The colour target alone, as [`Prepared::read`] returns it: half the work for who shows it.
+    ///
+    /// # Errors
+    /// As [`Prepared::execute`].
+    pub fn read_color(&mut self) -> Result<Image> {
+        for copy in &mut self.color_copies {
+            copy.run()?;
+        }
+        read_color(self.extent, self.format, &self.targets)
     }
 }
 
-/// The frame whose bands lie in `targets`.
-pub fn read(extent: Extent, format: Format, has_depth: bool, targets: &[Target]) -> Result<Frame> {
-    let (mut color, mut depth) = (Vec::new(), Vec::new());
-    color.reserve_exact(extent.pixels() * format.texel_bytes());
+/// The picture whose bands lie in `targets`.
+fn read_color(extent: Extent, format: Format, targets: &[Target]) -> Result<Image> {
+    join(extent, format, targets, |target| target.host_color.cast())
+}
+
+/// Their depth.
+fn read_depth(extent: Extent, targets: &[Target]) -> Result<Image> {
+    join(extent, Format::D32Float, targets, |target| target.host_depth.cast())
+}
+
+fn join(
+    extent: Extent,
+    format: Format,
+    targets: &[Target],
+    rows: impl Fn(&Target) -> Result<Buffer<u8>>,
+) -> Result<Image> {
+    let mut bytes = Vec::with_capacity(extent.pixels() * format.texel_bytes());
     for target in targets {
-        color.extend_from_slice(bytemuck::cast_slice(&target.host_color.read()?));
-        if has_depth {
-            depth.extend_from_slice(bytemuck::cast_slice(&target.host_depth.read()?));
-        }
+        rows(target)?.append_to(&mut bytes)?;
     }
-    let image = |bytes, format| Image { extent, format, bytes };
-    Ok(Frame {
-        color: image(color, format),
-        depth: has_depth.then(|| image(depth, Format::D32Float)),
-    })
+    Ok(Image { extent, format, bytes })
 }
 
 impl Setup {
@@ -164,6 +184,7 @@ impl Setup {
         let fragment_kernels =
             plan.batches.iter().map(|b| b.fragment_kernels.len()).max().unwrap_or(1);
         let device = Memory::Device;
+        let varying_words = capacities.varying_words + Capacities::VARYING_OVERHANG;
         let words_of = |name: &str, len: usize| Buffer::<u32>::new(gpu, name, len.max(1), device);
         let start = vec![[0, 1, 1]; fragment_kernels];
         let buffers = Buffers {
@@ -177,10 +198,7 @@ impl Setup {
                 capacities.vertices as usize,
                 device,
             )?,
-            varyings: words_of(
-                "varyings",
-                (capacities.varying_words as usize).next_multiple_of(4),
-            )?,
+            varyings: words_of("varyings", varying_words.next_multiple_of(4) as usize)?,
             triangles: Buffer::new(gpu, "triangles", capacities.triangles() as usize, device)?,
             primitive_cells: words_of("primitive cells", capacities.primitives as usize)?,
             cell_counts: words_of("cell counts", band.cells as usize)?,
@@ -250,7 +268,8 @@ impl Setup {
 
     /// Records the whole pass.
     pub fn record(self, renderer: &Renderer, plan: &Plan) -> Result<Prepared> {
-        let (mut recordings, mut copies) = (Vec::new(), Vec::new());
+        let mut recordings = Vec::new();
+        let (mut color_copies, mut depth_copies) = (Vec::new(), Vec::new());
         for (n, (band, target)) in self.bands.iter().zip(&self.targets).enumerate() {
             let mut recorder = Recorder::new(&self.gpu, "compute pass")?;
             if renderer.timed {
@@ -265,11 +284,15 @@ impl Setup {
                 self.batch(renderer, &mut recorder, (band, target), &pieces, (b, batch), how)?;
             }
             recordings.push(recorder.finish()?);
-            copies.extend(target.copies(&self.gpu)?);
+            color_copies.extend(target.copy_of_color(&self.gpu)?);
+            if self.has_depth {
+                depth_copies.extend(target.copy_of_depth(&self.gpu)?);
+            }
         }
         Ok(Prepared {
             recordings,
-            copies,
+            color_copies,
+            depth_copies,
             extent: self.extent,
             format: self.format,
             has_depth: self.has_depth,
@@ -368,11 +391,13 @@ impl Setup {
     /// The frame, once all bands have run.
     pub fn read(&self) -> Result<Frame> {
         for target in &self.targets {
-            if let Some(mut copies) = target.copies(&self.gpu)? {
-                copies.run()?;
+            let copies = [target.copy_of_color(&self.gpu)?, target.copy_of_depth(&self.gpu)?];
+            for mut copy in copies.into_iter().flatten() {
+                copy.run()?;
             }
         }
-        read(self.extent, self.format, self.has_depth, &self.targets)
+        let depth = self.has_depth.then(|| read_depth(self.extent, &self.targets)).transpose()?;
+        Ok(Frame { color: read_color(self.extent, self.format, &self.targets)?, depth })
     }
 
     /// The target of each band.

@@ -63,7 +63,7 @@ impl Kernels {
             plain("binning_scatter", prebuilt::BINNING_SCATTER),
             wide("binning_sort", prebuilt::BINNING_SORT),
         ];
-        let made = in_parallel(&infos, |info| Kernel::new(gpu, info));
+        let made = in_parallel(&infos, |info| Kernel::trusted(gpu, info));
         let made = made.into_iter().collect::<Result<Vec<_>>>()?;
         let [clear, primitive, scan, scatter, sort] =
             made.try_into().expect("as many kernels as infos");
@@ -124,7 +124,7 @@ impl Kernels {
                 let constants =
                     [("WIDTH", width), ("COMPARE", *compare as u32), ("IN_PLACE", in_place)];
                 let info = wide(width, "raster", prebuilt::RASTER, &constants);
-                return Kernel::new(&self.gpu, &info);
+                return Kernel::trusted(&self.gpu, &info);
             }
             Wanted::Vertex(key) => {
                 ("vertex", prebuilt::VERTEX, key, vec![("LANES", vertex::lanes(width))])
@@ -150,10 +150,12 @@ impl Kernels {
         let spliced = splice(words, &key.shader, &options)?;
         let attributes = key.attributes.iter();
         let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
-        let constant_ids: Vec<_> = key.specialization.iter().copied().chain(attributes).collect();
+        let read = (abi::SPEC_READ, key.read);
+        let own = key.specialization.iter().copied();
+        let constant_ids: Vec<_> = own.chain(attributes).chain([read]).collect();
         let name = format!("{stage} {}", key.shader.label);
         let info = wide(width, &name, &spliced.spirv, &constants);
-        Kernel::new(&self.gpu, &KernelInfo { constant_ids: &constant_ids, ..info })
+        Kernel::trusted(&self.gpu, &KernelInfo { constant_ids: &constant_ids, ..info })
     }
 }
 

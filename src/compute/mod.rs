@@ -103,6 +103,7 @@ impl Renderer {
             shader: shader.clone(),
             specialization: Vec::new(),
             attributes: Vec::new(),
+            read: u32::MAX,
         };
         match shader.stage {
             Stage::Vertex => self.kernels.make(&[Wanted::Vertex(key)]),

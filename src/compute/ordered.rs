@@ -17,7 +17,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("Pieces", stage.pieces)
         .bind("Triangles", &b.triangles)
         .bind("Positions", &b.positions)
-        .bind("Varyings", &b.varyings)
+        .bind("Varyings", &b.varyings.cast::<[u32; 2]>()?)
         .bind("ResourceSlots", &b.resource_slots)
         .bind("Bins", &b.bins)
         .bind("CellEnds", &b.cell_ends)

@@ -20,7 +20,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernels: &[Kernel]) -> Res
                 .bind("Pieces", stage.pieces)
                 .bind("Triangles", &b.triangles)
                 .bind("Positions", &b.positions)
-                .bind("Varyings", &b.varyings)
+                .bind("Varyings", &b.varyings.cast::<[u32; 2]>()?)
                 .bind("ResourceSlots", &b.resource_slots)
                 .bind("ShadeBins", &b.shade_bins)
                 .bind("Visibility", &b.visibility)

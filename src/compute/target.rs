@@ -1,9 +1,8 @@
 //! The targets of one band: colour and depth in rows, where kernels read and write them and where the
 //! host finds them.
 //!
-//! Kernels work on the target's own rows. Working bin by bin between a clear and a resolve of all
-//! pixels was the arrangement before; on lavapipe those two passes alone took longer than the
-//! device's own pipeline for a whole simple picture, and bins in memory bought nothing in return.
+//! Kernels work on the target's own rows, with no copy of a bin between a clear and a resolve of all
+//! pixels; `docs/tried.md` says what that cost.
 
 use crate::{
     error::Result,
@@ -44,14 +43,27 @@ impl Target {
         Ok(Self { color, depth, bin_bounds, host_color, host_depth })
     }
 
-    /// Brings the target to the host, where that takes anything.
-    pub fn copies(&self, gpu: &Gpu) -> Result<Option<Recording>> {
-        if gpu.has_unified_memory() {
-            return Ok(None);
-        }
-        let mut recorder = Recorder::new(gpu, "copy of the targets")?;
-        recorder.copy(&self.color, &self.host_color)?;
-        recorder.copy(&self.depth, &self.host_depth)?;
-        recorder.finish().map(Some)
+    /// Brings colour to the host, where that takes anything.
+    pub fn copy_of_color(&self, gpu: &Gpu) -> Result<Option<Recording>> {
+        copy(gpu, "copy of the colour target", &self.color, &self.host_color)
     }
+
+    /// Brings depth to the host, where that takes anything.
+    pub fn copy_of_depth(&self, gpu: &Gpu) -> Result<Option<Recording>> {
+        copy(gpu, "copy of the depth target", &self.depth, &self.host_depth)
+    }
+}
+
+fn copy<T: bytemuck::Pod>(
+    gpu: &Gpu,
+    label: &str,
+    from: &Buffer<T>,
+    to: &Buffer<T>,
+) -> Result<Option<Recording>> {
+    if gpu.has_unified_memory() {
+        return Ok(None);
+    }
+    let mut recorder = Recorder::new(gpu, label)?;
+    recorder.copy(from, to)?;
+    recorder.finish().map(Some)
 }

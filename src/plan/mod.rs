@@ -25,8 +25,8 @@ use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     grid::Capacities,
-    pass::{Binding, Buffer, Pass, Pipeline, StepRate, VertexAttribute},
-    shader::{Reflection, Shader},
+    pass::{Binding, Buffer, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding},
+    shader::{Reflection, Shader, Varying},
     state::Compare,
 };
 use std::{collections::HashMap, sync::Arc};
@@ -55,6 +55,8 @@ pub struct KernelKey {
     pub specialization: Vec<(u32, u32)>,
     /// A vertex shader's attributes: location and format, as [`abi::SPEC_ATTRIBUTE`] has it.
     pub attributes: Vec<(u32, u32)>,
+    /// Of a vertex shader's output locations those that are read, a bit each, as [`abi::SPEC_READ`] has it.
+    pub read: u32,
 }
 
 impl PartialEq for KernelKey {
@@ -62,6 +64,7 @@ impl PartialEq for KernelKey {
         Arc::ptr_eq(&self.shader, &other.shader)
             && self.specialization == other.specialization
             && self.attributes == other.attributes
+            && self.read == other.read
     }
 }
 
@@ -243,24 +246,25 @@ impl Planner<'_> {
             let all = pipeline.specialization.iter();
             all.filter(|(id, _)| ids.contains(id)).copied().collect()
         };
-        let intern = |kernels: &mut Vec<KernelKey>, shader: &Arc<Shader>, attributes| {
+        let intern = |kernels: &mut Vec<KernelKey>, shader: &Arc<Shader>, attributes, read| {
             let key = KernelKey {
                 shader: shader.clone(),
                 specialization: own(&shader.reflection.specialization),
                 attributes,
+                read,
             };
             kernels.iter().position(|k| *k == key).unwrap_or_else(|| {
                 kernels.push(key);
                 kernels.len() - 1
             })
         };
+        let (attributes, read) = (attributes(pipeline), read_outputs(pipeline));
         let vertex_kernel =
-            intern(&mut self.plan.vertex_kernels, &pipeline.vertex, attributes(pipeline));
+            intern(&mut self.plan.vertex_kernels, &pipeline.vertex, attributes, read);
         let fragment_kernel =
-            intern(&mut self.plan.fragment_kernels, &pipeline.fragment, Vec::new());
-        let written = &pipeline.vertex.reflection.outputs;
-        let read = &pipeline.fragment.reflection.inputs;
-        let locations = written.iter().chain(read).map(|v| v.location + 1).max();
+            intern(&mut self.plan.fragment_kernels, &pipeline.fragment, Vec::new(), 0);
+        let inputs = &pipeline.fragment.reflection.inputs;
+        let locations = inputs.iter().map(|v| v.location + 1).max();
         Ways {
             method: method(pipeline, self.pass.depth.is_some(), fragment_kernel),
             vertex_kernel,
@@ -367,8 +371,10 @@ impl Planner<'_> {
 fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
     let format = |attribute: &VertexAttribute| {
         let format = attribute.format;
-        let rate = pipeline.vertex_bindings[attribute.binding as usize].rate;
-        let per_instance = u32::from(rate == StepRate::Instance) * abi::ATTRIBUTE_PER_INSTANCE;
+        let VertexBinding { stride, rate } = pipeline.vertex_bindings[attribute.binding as usize];
+        // One element for all vertices is also one for all vertices of an instance.
+        let per_instance = rate == StepRate::Instance || stride == 0;
+        let per_instance = u32::from(per_instance) * abi::ATTRIBUTE_PER_INSTANCE;
         let count = u32::from(format.count) << abi::ATTRIBUTE_COUNT_SHIFT;
         (attribute.location, format.component as u32 | count | per_instance)
     };
@@ -378,6 +384,16 @@ fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
     let mut all: Vec<_> = pipeline.vertex_attributes.iter().filter(read).map(format).collect();
     all.sort_unstable();
     all
+}
+
+/// The locations that the vertex shader of a pipeline writes and its fragment shader reads, a bit each.
+fn read_outputs(pipeline: &Pipeline) -> u32 {
+    let locations = |varyings: &[Varying]| {
+        let of = |v: &Varying| 1u32.checked_shl(v.location).unwrap_or(0);
+        varyings.iter().fold(0, |all, varying| all | of(varying))
+    };
+    let [vertex, fragment] = [&pipeline.vertex, &pipeline.fragment].map(|s| &s.reflection);
+    locations(&vertex.outputs) & locations(&fragment.inputs)
 }
 
 /// How a pipeline is drawn.

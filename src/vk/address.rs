@@ -10,12 +10,16 @@
 //! Lavapipe is such a driver. It reads a storage block lane by lane, each with its own descriptor, check
 //! of bounds and branches: for eight lanes about 90 instructions in 24 basic blocks, which is both the
 //! time that kernels take and the time that it takes to compile them. What lies behind an address, it
-//! reads with one gather.
+//! reads with one gather, and two words at once with one as well (`pairs.rs`).
 
+mod pairs;
+
+pub(super) use pairs::BLOCK_BYTES;
+use pairs::{Layout, Place, aligned};
 use rspirv::{
     binary::Assemble,
     dr::{self, Instruction, Operand},
-    spirv::{AddressingModel, Capability, Decoration, MemoryAccess, Op, StorageClass, Word},
+    spirv::{AddressingModel, Capability, Decoration, Op, StorageClass, Word},
 };
 use std::collections::{HashMap, HashSet};
 
@@ -51,10 +55,14 @@ struct Block {
 /// Bytes of an address.
 const ADDRESS_BYTES: u32 = 8;
 
-/// Replaces the blocks of a kernel that can be; nothing if it has none.
-pub(super) fn lower(words: &[u32]) -> std::result::Result<Option<Addressed>, String> {
+/// Replaces the blocks of a kernel that can be; nothing if it has none. `has_int64` says whether the device
+/// has 64-bit integers.
+pub(super) fn lower(
+    words: &[u32],
+    has_int64: bool,
+) -> std::result::Result<Option<Addressed>, String> {
     let module = dr::load_words(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
-    let mut pass = Pass::new(module);
+    let mut pass = Pass::new(module, has_int64);
     let mut blocks = pass.blocks();
     if blocks.is_empty() {
         return Ok(None);
@@ -81,15 +89,26 @@ struct Pass {
     next: Word,
     uint: Word,
     constants: HashMap<u32, Word>,
+    has_int64: bool,
+    /// By their number: pointer to pairs of words, and the type of these.
+    pair_types: HashMap<u32, (Word, Word)>,
 }
 
 impl Pass {
-    fn new(module: dr::Module) -> Self {
+    fn new(module: dr::Module, has_int64: bool) -> Self {
         let globals: HashMap<Word, Instruction> = (module.types_global_values.iter())
             .filter_map(|i| Some((i.result_id?, i.clone())))
             .collect();
         let next = module.all_inst_iter().filter_map(|i| i.result_id).max().unwrap_or(0) + 1;
-        let mut pass = Self { module, globals, next, uint: 0, constants: HashMap::new() };
+        let mut pass = Self {
+            module,
+            globals,
+            next,
+            uint: 0,
+            constants: HashMap::new(),
+            has_int64,
+            pair_types: HashMap::new(),
+        };
         let operands = [Operand::LiteralBit32(32), Operand::LiteralBit32(0)];
         let uint =
             pass.globals.values().find(|i| i.class.opcode == Op::TypeInt && i.operands == operands);
@@ -317,7 +336,8 @@ impl Pass {
         // Pointer types by what they point to, and what chains result in.
         let mut pointers: HashMap<Word, Word> = HashMap::new();
         let mut uniform: HashMap<Word, Word> = HashMap::new();
-        let mut chains: HashMap<Word, Word> = HashMap::new();
+        let mut chains: HashMap<Word, Place> = HashMap::new();
+        let layout = Layout::new(self);
         let mut functions = std::mem::take(&mut self.module.functions);
         for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
             let mut code = Vec::with_capacity(block.instructions.len());
@@ -333,16 +353,23 @@ impl Pass {
                     let pointer =
                         *pointers.entry(pointee).or_insert_with(|| self.pointer(class, pointee));
                     i.result_type = Some(pointer);
-                    chains.extend(i.result_id.map(|id| (id, pointee)));
-                    if let Some(block) = blocks.get(&base) {
+                    let start = if let Some(block) = blocks.get(&base) {
                         let slot = block.table.map(|_| i.operands.remove(1));
                         let address = self.address(block, addresses, slot, &mut uniform, &mut code);
                         i.operands[0] = Operand::IdRef(address);
-                    }
-                } else if let (Op::Load | Op::Store, Some(&ty)) =
+                        Pass::block_start(block.ty, block.table.is_some())
+                    } else {
+                        chains[&base]
+                    };
+                    let place = self.place(&layout, start, &i.operands[1..]);
+                    chains.extend(i.result_id.map(|id| (id, place)));
+                } else if let (Op::Load | Op::Store, Some(&place)) =
                     (i.class.opcode, chains.get(&base))
                 {
-                    i.operands.extend(aligned(self.scalar_bytes(ty).1));
+                    if self.by_pairs(&i, place, &mut code) {
+                        continue;
+                    }
+                    i.operands.extend(aligned(self.scalar_bytes(place.ty).1));
                 }
                 code.push(i);
             }
@@ -356,23 +383,6 @@ impl Pass {
             }
             _ => true,
         });
-    }
-
-    /// Bytes of the smallest and the largest scalar of a type. Values lie at multiples of the latter:
-    /// layouts may be scalar.
-    fn scalar_bytes(&self, ty: Word) -> (u32, u32) {
-        let Some(i) = self.globals.get(&ty) else { return (0, 1) };
-        let parts = match (i.class.opcode, i.operands.first()) {
-            (Op::TypeInt | Op::TypeFloat, Some(&Operand::LiteralBit32(bits))) => {
-                return (bits / 8, bits / 8);
-            }
-            (Op::TypePointer, _) => return (ADDRESS_BYTES, ADDRESS_BYTES),
-            (Op::TypeStruct, _) => &i.operands[..],
-            _ => &i.operands[..1],
-        };
-        let parts =
-            parts.iter().filter_map(Operand::id_ref_any).map(|part| self.scalar_bytes(part));
-        parts.fold((ADDRESS_BYTES, 1), |all, part| (all.0.min(part.0), all.1.max(part.1)))
     }
 
     /// Loads the address of a block, of the table's the one in `slot`.
@@ -426,10 +436,6 @@ fn is(operand: &Operand, id: Word) -> bool {
     *operand == Operand::IdRef(id)
 }
 
-fn aligned(bytes: u32) -> [Operand; 2] {
-    [Operand::MemoryAccess(MemoryAccess::ALIGNED), Operand::LiteralBit32(bytes)]
-}
-
 #[cfg(all(test, feature = "glsl"))]
 mod tests {
     use super::*;
@@ -441,11 +447,11 @@ mod tests {
     #[test]
     fn every_kernel_stays_valid() {
         for words in prebuilt::KERNELS {
-            let Some(addressed) = lower(words).unwrap() else { continue };
+            let Some(addressed) = lower(words, true).unwrap() else { continue };
             assert_eq!(complaint(&addressed.spirv), None);
-            assert!(lower(&addressed.spirv).unwrap().is_none(), "nothing is left to replace");
+            assert!(lower(&addressed.spirv, true).unwrap().is_none(), "nothing is left to replace");
         }
-        let shade = lower(prebuilt::SHADE).unwrap().unwrap();
+        let shade = lower(prebuilt::SHADE, true).unwrap().unwrap();
         assert!(shade.table && !shade.uses_table && shade.blocks.len() >= 5);
     }
 
@@ -475,7 +481,7 @@ mod tests {
                  table[nonuniformEXT(i)].words[0] = 1u;
              }",
         );
-        let addressed = lower(&words).unwrap().unwrap();
+        let addressed = lower(&words, true).unwrap().unwrap();
         assert_eq!((addressed.binding, addressed.blocks), (7, vec![0, 1, 2, 4]));
         assert!(!addressed.table && addressed.uses_table, "a table that is written stays");
         assert_eq!(complaint(&addressed.spirv), None);
@@ -483,6 +489,6 @@ mod tests {
 
     #[test]
     fn what_is_no_module_is_refused() {
-        assert!(lower(&[1, 2, 3]).is_err());
+        assert!(lower(&[1, 2, 3], true).is_err());
     }
 }

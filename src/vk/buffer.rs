@@ -43,7 +43,7 @@ pub(crate) struct RawBuffer {
     pub address: vk::DeviceAddress,
     memory: Memory,
     allocation: Option<Allocation>,
-    gpu: Arc<Shared>,
+    pub(super) gpu: Arc<Shared>,
 }
 
 /// Buffers end on a multiple of this, so that kernels may read the last bytes as whole vectors.
@@ -129,16 +129,28 @@ impl<T: Pod> Buffer<T> {
     /// As [`Buffer::new`].
     pub fn upload(gpu: &Gpu, name: &str, content: &[T]) -> Result<Self> {
         let buffer = Self::new(gpu, name, content.len(), Memory::Upload)?;
-        buffer.write(0, content)?;
+        // SAFETY: nobody else has the buffer yet.
+        unsafe { buffer.write_out_of_turn(0, content)? };
         Ok(buffer)
     }
 
-    /// Writes `content` from element `first` on. The caller sees to it that no submission is using
-    /// these elements.
+    /// Writes `content` from element `first` on. Waits for what other threads run on the device, and they
+    /// wait for it; so a recording finds all of the content or nothing of it.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it is not an [`Memory::Upload`] buffer or too short.
+    /// [`Error::Usage`] if it is not an [`Memory::Upload`] buffer or too short; [`Error::Lost`] if the
+    /// device was lost, which may still be reading.
     pub fn write(&self, first: usize, content: &[T]) -> Result<()> {
+        let _turn = self.raw.gpu.host_turn()?;
+        // SAFETY: it is the host's turn, and nobody else's.
+        unsafe { self.write_out_of_turn(first, content) }
+    }
+
+    /// As [`Buffer::write`], without waiting for anybody.
+    ///
+    /// # Safety
+    /// Nobody else, neither the device nor another thread, touches these elements meanwhile.
+    pub(super) unsafe fn write_out_of_turn(&self, first: usize, content: &[T]) -> Result<()> {
         if first.checked_add(content.len()).is_none_or(|end| end > self.len) {
             return Err(Error::Usage(format!(
                 "buffer `{}` has {} elements; {} at {first} do not fit",
@@ -156,20 +168,37 @@ impl<T: Pod> Buffer<T> {
         Ok(())
     }
 
-    /// The content, once the recording that wrote it has run.
+    /// The content, once the recording that wrote it has run. Waits for what other threads run on the
+    /// device.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it is not a [`Memory::Readback`] buffer.
+    /// [`Error::Usage`] if it is not a [`Memory::Readback`] buffer; [`Error::Lost`] if the device was
+    /// lost, which may still be writing.
     pub fn read(&self) -> Result<Vec<T>> {
+        let mut content = Vec::new();
+        self.append_to(&mut content)?;
+        Ok(content)
+    }
+
+    /// Appends the content, as [`Buffer::read`] returns it. Memory that is new to the process takes longer
+    /// to come by than to fill: what is read in parts is best read into room for all of them.
+    ///
+    /// # Errors
+    /// As [`Buffer::read`].
+    pub fn append_to(&self, content: &mut Vec<T>) -> Result<()> {
+        let _turn = self.raw.gpu.host_turn()?;
         let mapped = self.raw.mapped(Memory::Readback)?;
-        let mut content = vec![T::zeroed(); self.len];
-        let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut content);
-        // SAFETY: `offset + bytes.len()` is inside the buffer, which is mapped as a whole.
+        content.reserve_exact(self.len);
+        let (filled, bytes) = (content.len(), self.bytes() as usize);
+        // SAFETY: `offset + bytes` is inside the buffer, which is mapped as a whole; after `filled`, the
+        // vector has room for as many elements; any bytes are a `T`, which is plain data.
         unsafe {
             let from = mapped.add(self.offset as usize);
-            std::ptr::copy_nonoverlapping(from, bytes.as_mut_ptr(), bytes.len());
+            let to = content.as_mut_ptr().add(filled).cast::<u8>();
+            std::ptr::copy_nonoverlapping(from, to, bytes);
+            content.set_len(filled + self.len);
         }
-        Ok(content)
+        Ok(())
     }
 
     /// The same bytes as elements of another type.

@@ -103,7 +103,12 @@ pub(crate) fn missing_feature(
 
 /// Whether the module takes derivatives by instructions of compute shaders.
 pub(super) fn has_compute_derivatives(words: &[u32]) -> bool {
-    declared(words).any(|c| c == Capability::ComputeDerivativeGroupLinearKHR as u32)
+    declares(words, Capability::ComputeDerivativeGroupLinearKHR)
+}
+
+/// Whether the module declares `capability`.
+pub(super) fn declares(words: &[u32], capability: Capability) -> bool {
+    declared(words).any(|declared| declared == capability as u32)
 }
 
 /// The capabilities that the module declares. They come first in it.

@@ -5,6 +5,7 @@ use super::{
     device::{self, DeviceInfo, DeviceKind, Require},
     error::{capacity, describe},
     instance::Instance,
+    limits::{DrawLimits, Limits, draw_limits, limits},
     requirements::Probe,
     sampler::SamplerKey,
     table::{self, TableSizes},
@@ -20,8 +21,8 @@ use std::{
     collections::HashMap,
     path::PathBuf,
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicBool, Ordering},
+        Arc, Mutex, MutexGuard, PoisonError, RwLock,
+        atomic::{AtomicBool, AtomicU32, Ordering},
     },
     time::Duration,
 };
@@ -66,36 +67,6 @@ impl Default for GpuOptions {
     }
 }
 
-/// Limits of an opened device that callers plan by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// Bytes that one storage-buffer binding reaches.
-    pub storage_range_bytes: u64,
-    /// Bytes of one buffer.
-    pub buffer_bytes: u64,
-    /// Bytes of one image, or of anything else that is allocated.
-    pub allocation_bytes: u64,
-    /// Alignment of a storage-buffer binding's offset.
-    pub storage_offset_bytes: u64,
-    /// Workgroups of one dispatch, in each direction.
-    pub dispatch: [u32; 3],
-    /// Invocations of one workgroup.
-    pub workgroup_invocations: u32,
-    /// Shared memory of one workgroup.
-    pub shared_bytes: u32,
-    /// The subgroup size that a kernel gets if it asks for none.
-    pub subgroup_size: u32,
-    /// The subgroup sizes that a kernel may ask for.
-    pub subgroup_sizes: (u32, u32),
-    /// Pixels of a two-dimensional image, in each direction.
-    pub image_side_px: u32,
-    /// Pixels of a target that the device draws to itself, in each direction; compute has no such
-    /// limit.
-    pub target_side_px: u32,
-    /// Bytes of device-local memory.
-    pub memory_bytes: u64,
-}
-
 /// An opened device. Cheap to clone; the device is closed with the last clone and the last resource.
 #[derive(Clone)]
 pub struct Gpu(pub(crate) Arc<Shared>);
@@ -103,6 +74,8 @@ pub struct Gpu(pub(crate) Arc<Shared>);
 /// What all handles share. Fields that need the device are destroyed in `drop`, in order.
 pub(crate) struct Shared {
     pub device: ash::Device,
+    /// Which of the devices that this program opened it is, from 1: one device may be opened twice.
+    pub opened: u32,
     pub queue: Mutex<vk::Queue>,
     pub family: u32,
     pub info: DeviceInfo,
@@ -111,6 +84,8 @@ pub(crate) struct Shared {
     /// Whether kernels reach blocks by address (`address.rs`).
     pub addresses: bool,
     pub derivatives: bool,
+    /// Whether kernels may compute with 64-bit integers.
+    pub int64: bool,
     pub int64_atomics: bool,
     pub unified_memory: bool,
     pub timestamps: Option<TimestampUnit>,
@@ -126,6 +101,11 @@ pub(crate) struct Shared {
     pub(super) samplers: Mutex<HashMap<SamplerKey, vk::Sampler>>,
     /// Set once the device was lost or did not answer: nothing is waited for any more.
     pub lost: AtomicBool,
+    /// Whose turn it is, see `access.rs`.
+    pub(super) turn: RwLock<()>,
+    /// What the next wait fails with.
+    #[cfg(test)]
+    pub(super) next_wait: Mutex<Option<vk::Result>>,
     allocator: Mutex<Option<Allocator>>,
     cache_file: Option<PathBuf>,
     physical: vk::PhysicalDevice,
@@ -133,23 +113,8 @@ pub(crate) struct Shared {
     instance: Instance,
 }
 
-/// Limits of a graphics pipeline's own descriptors.
-#[derive(Clone, Copy)]
-pub(crate) struct DrawLimits {
-    pub sets: u32,
-    pub uniforms: u32,
-    pub storages: u32,
-    pub images: u32,
-    pub samplers: u32,
-    /// Bytes of a uniform block.
-    pub uniform_bytes: u32,
-    pub vertex_bindings: u32,
-    /// Locations of vertex attributes, of vertex outputs, of fragment inputs, of fragment outputs.
-    pub vertex_attributes: u32,
-    pub vertex_outputs: u32,
-    pub fragment_inputs: u32,
-    pub fragment_outputs: u32,
-}
+/// Devices that this program has opened so far.
+static OPENED: AtomicU32 = AtomicU32::new(0);
 
 /// How timestamps become nanoseconds.
 #[derive(Clone, Copy)]
@@ -200,11 +165,13 @@ impl Gpu {
         let all_local =
             vk::MemoryPropertyFlags::DEVICE_LOCAL | vk::MemoryPropertyFlags::HOST_VISIBLE;
         let mut shared = Shared {
+            opened: OPENED.fetch_add(1, Ordering::Relaxed) + 1,
             queue: Mutex::new(queue),
             family,
             limits: limits(&probe, &info),
             graphics,
             derivatives: probe.derivatives_extension().is_some(),
+            int64: probe.features.shader_int64 == vk::TRUE,
             int64_atomics: probe.features12.shader_buffer_int64_atomics
                 & probe.features.shader_int64
                 == vk::TRUE,
@@ -226,6 +193,9 @@ impl Gpu {
             table_sizes,
             samplers: Mutex::default(),
             lost: AtomicBool::new(false),
+            turn: RwLock::new(()),
+            #[cfg(test)]
+            next_wait: Mutex::default(),
             allocator: Mutex::new(None),
             cache_file,
             physical,
@@ -414,8 +384,8 @@ impl Drop for Shared {
     }
 }
 
-/// Opens the device with everything on that it offers, since users' shaders may need any of it,
-/// except robust access, which costs time in every kernel.
+/// Opens the device with everything on that it offers, since users' shaders may need any of it. Robust
+/// access is part of that: shaders may index what they bind at will, and must not reach other memory.
 fn create_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
@@ -426,14 +396,12 @@ fn create_device(
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(family)
         .queue_priorities(&priorities)];
-    let mut features = probe.features;
-    features.robust_buffer_access = vk::FALSE;
+    let features = probe.features;
     let (mut features11, mut features12, mut features13) =
         (probe.features11, probe.features12, probe.features13);
     features11.protected_memory = vk::FALSE;
     features12.buffer_device_address_capture_replay = vk::FALSE;
     features12.buffer_device_address_multi_device = vk::FALSE;
-    features13.robust_image_access = vk::FALSE;
     // ash knows the structure under its older name; the structure type is the same.
     let mut derivatives = vk::PhysicalDeviceComputeShaderDerivativesFeaturesNV::default()
         .compute_derivative_group_linear(true);
@@ -453,42 +421,4 @@ fn create_device(
         .push_next(&mut all);
     // SAFETY: every feature that is on was reported by this device; all pointers outlive the call.
     unsafe { instance.create_device(physical, &info, None) }
-}
-
-fn draw_limits(l: &vk::PhysicalDeviceLimits) -> DrawLimits {
-    DrawLimits {
-        sets: l.max_bound_descriptor_sets,
-        uniforms: l.max_per_stage_descriptor_uniform_buffers,
-        storages: l.max_per_stage_descriptor_storage_buffers,
-        images: l.max_per_stage_descriptor_sampled_images,
-        samplers: l.max_per_stage_descriptor_samplers,
-        uniform_bytes: l.max_uniform_buffer_range,
-        vertex_bindings: l.max_vertex_input_bindings,
-        vertex_attributes: l.max_vertex_input_attributes,
-        vertex_outputs: l.max_vertex_output_components / 4,
-        fragment_inputs: l.max_fragment_input_components / 4,
-        fragment_outputs: l.max_fragment_output_attachments,
-    }
-}
-
-fn limits(probe: &Probe, info: &DeviceInfo) -> Limits {
-    let l = &probe.properties.limits;
-    let allocation = probe.vulkan11.max_memory_allocation_size;
-    Limits {
-        storage_range_bytes: u64::from(l.max_storage_buffer_range),
-        buffer_bytes: probe.vulkan13.max_buffer_size.min(allocation),
-        allocation_bytes: allocation,
-        storage_offset_bytes: l.min_storage_buffer_offset_alignment,
-        dispatch: l.max_compute_work_group_count,
-        workgroup_invocations: l.max_compute_work_group_invocations,
-        shared_bytes: l.max_compute_shared_memory_size,
-        subgroup_size: probe.vulkan11.subgroup_size,
-        subgroup_sizes: info.subgroup_sizes,
-        image_side_px: l.max_image_dimension2_d,
-        target_side_px: l
-            .max_image_dimension2_d
-            .min(l.max_framebuffer_width)
-            .min(l.max_framebuffer_height),
-        memory_bytes: info.memory_bytes,
-    }
 }

@@ -49,7 +49,7 @@ pub(crate) struct RawImage {
     pub levels: u32,
     pub usage: ImageUse,
     allocation: Option<Allocation>,
-    gpu: Arc<Shared>,
+    pub(super) gpu: Arc<Shared>,
 }
 
 impl Image {

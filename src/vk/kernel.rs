@@ -2,13 +2,14 @@
 
 use super::{
     address,
-    capability::{has_compute_derivatives, missing_feature},
+    capability::{declares, has_compute_derivatives, missing_feature},
     gpu::{Gpu, Shared},
     instance::WITH_DERIVATIVES,
     reflect::{BlockBinding, KernelReflection, reflect},
 };
 use crate::error::{Error, Result};
 use ash::vk;
+use rspirv::spirv::Capability;
 use std::{
     collections::{HashMap, HashSet},
     sync::Arc,
@@ -42,16 +43,35 @@ pub(super) struct RawKernel {
     pub layout: vk::PipelineLayout,
     pub set_layout: vk::DescriptorSetLayout,
     pub reflection: KernelReflection,
-    gpu: Arc<Shared>,
+    pub(super) gpu: Arc<Shared>,
 }
 
 impl Kernel {
-    /// Makes a kernel: reflects it, checks its names against `info`, compiles it.
+    /// Makes a kernel: reflects it, checks its names against `info`, compiles it. It reaches its buffers
+    /// by descriptor, so that the device checks bounds.
     ///
     /// # Errors
-    /// [`Error::Usage`] names what does not fit: no module, a constant that does not exist, more
-    /// than the device's workgroup or push constants allow. [`Error::Device`] if the driver refuses it.
+    /// [`Error::Usage`] names what does not fit: no module, a module that reaches memory by address, where
+    /// nobody checks bounds, a constant that does not exist, more than the device's workgroup or push
+    /// constants allow. [`Error::Device`] if the driver refuses it.
     pub fn new(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
+        if declares(info.spirv, Capability::PhysicalStorageBufferAddresses) {
+            return Err(Error::Usage(format!(
+                "kernel `{}` reaches memory by address, where nobody checks bounds",
+                info.name
+            )));
+        }
+        Self::make(gpu, info, false)
+    }
+
+    /// As [`Kernel::new`], of a module that keeps to the bounds of its own buffers: an engine's kernel, also
+    /// with a user's shader in it, which sees the resource table alone. It reaches them by address where
+    /// the driver is faster so.
+    pub(crate) fn trusted(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
+        Self::make(gpu, info, gpu.0.addresses)
+    }
+
+    fn make(gpu: &Gpu, info: &KernelInfo<'_>, by_address: bool) -> Result<Self> {
         let fault = |text: String| Error::Usage(format!("kernel `{}` {text}", info.name));
         let mut specialized: HashMap<u32, u32> = info.constant_ids.iter().copied().collect();
         if !info.constants.is_empty() {
@@ -69,8 +89,8 @@ impl Kernel {
         check_limits(gpu, info, &reflection).map_err(fault)?;
 
         let shared = gpu.0.clone();
-        let addressed = match shared.addresses {
-            true => address::lower(info.spirv).map_err(fault)?,
+        let addressed = match by_address {
+            true => address::lower(info.spirv, shared.int64).map_err(fault)?,
             false => None,
         };
         if let Some(addressed) = &addressed {

@@ -6,7 +6,9 @@
 //! | `requirements` | what a device must offer, as data, and what it may offer |
 //! | `capability` | SPIR-V capabilities that a device may lack |
 //! | `device` | listing devices and picking one |
-//! | `gpu` | the opened device: queue, memory, layouts, caches |
+//! | `gpu`, `limits` | the opened device: queue, memory, layouts, caches; its limits |
+//! | `owner` | which device a handle belongs to: those of two devices are not mixed |
+//! | `access` | turns of host and device: neither touches what the other one is at work on |
 //! | `buffer`, `image`, `sampler` | resources; each is freed when its last user lets go |
 //! | `kernel`, `reflect` | a compute pipeline and the names its SPIR-V binds |
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
@@ -23,11 +25,18 @@
 //!
 //! # Lifetimes
 //! Every handle owns its Vulkan object through an `Arc` that also holds the device. A recording keeps
-//! all it refers to until it is dropped, which is after its fence. If the device does not answer in
-//! time the recording is leaked on purpose: freeing what a device still reads is undefined.
+//! all it refers to until it is dropped, which is after its fence. If waiting for the fence fails, by
+//! time-out or otherwise, the recording is leaked on purpose, since freeing what a device still reads is
+//! undefined, and the device counts as lost: nothing more runs on it, and the host touches no memory that
+//! it might be at work on.
+//!
+//! # Threads
+//! Every handle may be sent and shared between threads. Host and device take turns (`access`), so that
+//! safe code cannot write what a submission reads or read what it writes.
 //!
 //! This module and `classic` are the only ones that contain `unsafe` or know Vulkan's types.
 
+mod access;
 mod address;
 mod buffer;
 mod cache;
@@ -40,6 +49,8 @@ mod gpu;
 mod image;
 mod instance;
 mod kernel;
+mod limits;
+mod owner;
 mod recorder;
 mod recording;
 mod reflect;
@@ -52,9 +63,10 @@ pub use buffer::{Buffer, Memory};
 pub use device::{DeviceInfo, DeviceKind, QueueInfo, Require, devices};
 pub use doctor::{Doctor, Finding, Severity, doctor};
 pub use drivers::DriverFile;
-pub use gpu::{Gpu, GpuOptions, Limits};
+pub use gpu::{Gpu, GpuOptions};
 pub use image::{Image, ImageInfo, ImageUse};
 pub use kernel::{Kernel, KernelInfo};
+pub use limits::Limits;
 pub use recorder::{Dispatch, Recorder};
 pub use recording::{Recording, Timings};
 pub use requirements::{Missing, OPTIONAL, Optional, REQUIREMENTS, Requirement};

@@ -8,10 +8,12 @@
 //! the debug label and takes the timestamps, so that no stage can forget one of them.
 
 use super::{
+    address::BLOCK_BYTES,
     buffer::{Buffer, Memory, RawBuffer},
     gpu::Gpu,
     image::Image,
     kernel::Kernel,
+    owner::{Owned, same_device},
     recording::{Commands, Recording, Timings},
     reflect::BindingKind,
     table::{RawTable, ResourceTable, check_binding},
@@ -74,13 +76,13 @@ impl Recorder {
     /// Starts a dispatch of `kernel`.
     pub fn kernel(&mut self, kernel: &Kernel) -> Dispatch<'_> {
         Dispatch {
+            fault: same_device(self, kernel).err(),
             recorder: self,
             kernel: kernel.clone(),
             label: None,
             bound: Vec::new(),
             table: None,
             push: Vec::new(),
-            fault: None,
         }
     }
 
@@ -102,6 +104,7 @@ impl Recorder {
     /// # Errors
     /// [`Error::Usage`] if it does not start at a whole word.
     pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) -> Result<()> {
+        same_device(self, buffer)?;
         let (raw, offset) = (buffer.raw().clone(), buffer.offset());
         if buffer.is_empty() {
             return Ok(());
@@ -130,6 +133,8 @@ impl Recorder {
     /// # Errors
     /// [`Error::Usage`] if it does not fit.
     pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) -> Result<()> {
+        same_device(self, from)?;
+        same_device(self, to)?;
         if from.len() > to.len() {
             return Err(Error::Usage(format!(
                 "{} elements of buffer `{}` do not fit into the {} of `{}`",
@@ -183,6 +188,7 @@ impl Recorder {
     /// # Errors
     /// [`Error::Usage`] if the levels are not those of the image.
     pub fn upload_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
+        same_device(self, image)?;
         let raw = &image.0;
         let total = levels.iter().map(|level| level.as_ref().len()).sum();
         let name = format!("upload of {}", raw.name);
@@ -202,7 +208,8 @@ impl Recorder {
                     level.len()
                 )));
             }
-            staging.write(at, level)?;
+            // SAFETY: nobody else has the buffer yet.
+            unsafe { staging.write_out_of_turn(at, level)? };
             at += bytes;
             regions.push(region);
         }
@@ -271,6 +278,7 @@ impl Dispatch<'_> {
     }
 
     fn try_bind<T: Pod>(&mut self, name: &str, buffer: &Buffer<T>) -> Result<()> {
+        self.check_device(buffer)?;
         let kernel = &self.kernel.0;
         let fault = |text: String| Err(Error::Usage(format!("kernel `{}` {text}", kernel.name)));
         let Some(block) = kernel.binding(name) else {
@@ -288,6 +296,14 @@ impl Dispatch<'_> {
             return fault(format!("has `{name}` bound twice"));
         }
         let (offset, bytes) = check_binding(&self.recorder.gpu, buffer)?;
+        let by_address = matches!(block.kind, BindingKind::Address(_));
+        if by_address && !(buffer.raw().address + offset).is_multiple_of(BLOCK_BYTES) {
+            return fault(format!(
+                "reads `{name}` by address; buffer `{}` from byte {offset} on does not begin at a \
+                 multiple of {BLOCK_BYTES} bytes of memory, as it has to",
+                buffer.name()
+            ));
+        }
         self.bound.push(Bound {
             binding: block.binding,
             kind: block.kind,
@@ -298,8 +314,15 @@ impl Dispatch<'_> {
         Ok(())
     }
 
+    fn check_device(&self, handle: &dyn Owned) -> Result<()> {
+        same_device(self.recorder, handle)
+    }
+
     /// Binds the resource table.
     pub fn table(mut self, table: &ResourceTable) -> Self {
+        if let Err(fault) = self.check_device(table) {
+            self.fault.get_or_insert(fault);
+        }
         self.table = Some(table.raw().clone());
         self
     }
@@ -326,8 +349,9 @@ impl Dispatch<'_> {
     /// # Errors
     /// As [`Dispatch::dispatch`], and [`Error::Usage`] if the counts are outside the buffer.
     pub fn dispatch_indirect<T: Pod>(self, buffer: &Buffer<T>, byte_offset: u64) -> Result<()> {
-        let at = buffer.offset() + byte_offset;
-        if !at.is_multiple_of(4) || byte_offset + 12 > buffer.bytes() {
+        self.check_device(buffer)?;
+        let at = buffer.offset().saturating_add(byte_offset);
+        if !at.is_multiple_of(4) || byte_offset.saturating_add(12) > buffer.bytes() {
             return Err(Error::Usage(format!(
                 "kernel `{}` reads its size at byte {byte_offset} of buffer `{}`, which has {}",
                 self.kernel.name(),

@@ -1,6 +1,7 @@
 //! Command buffers with all they need, from the first command to the fence.
 
 use super::{
+    access::may_be_in_flight,
     buffer::{Buffer, Memory},
     gpu::Gpu,
     image::RawImage,
@@ -38,7 +39,7 @@ struct Stage {
 /// A finished recording: it can run, more than once, and keeps alive all it refers to.
 pub struct Recording {
     gpu: Gpu,
-    /// `None` once it was leaked because the device did not answer.
+    /// `None` once it was leaked because nobody knows whether the device is done with it.
     commands: Option<Commands>,
     fence: vk::Fence,
 }
@@ -110,7 +111,8 @@ impl Commands {
                 (buffer, 0)
             }
         };
-        buffer.write(used, words)?;
+        // SAFETY: these words were not handed out yet, so that nobody else knows them.
+        unsafe { buffer.write_out_of_turn(used, words)? };
         let slice = buffer.slice(used..used + words.len());
         self.constants = Some((buffer, used + words.len().next_multiple_of(CONSTANTS_ALIGNMENT)));
         slice
@@ -329,45 +331,54 @@ impl Recording {
     ///
     /// # Errors
     /// [`Error::Lost`] if the device was lost or did not answer in time. Nothing can be run on the
-    /// device afterwards.
+    /// device afterwards, as after any other error of waiting.
     pub fn run(&mut self) -> Result<Timings> {
-        let device = &self.gpu.0.device;
-        let Some(commands) = self.commands.as_ref().filter(|_| !self.gpu.0.is_lost()) else {
-            return Err(Error::Lost(format!("{} was lost before", self.gpu.name())));
+        let shared = self.gpu.0.clone();
+        let _turn = shared.device_turn();
+        let device = &shared.device;
+        let Some(commands) = self.commands.as_ref().filter(|_| !shared.is_lost()) else {
+            return Err(shared.lost_before());
         };
         let what = format!("running `{}`", commands.label);
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands.raw)];
         let submit = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
-        let timeout = u64::try_from(self.gpu.0.timeout.as_nanos()).unwrap_or(u64::MAX);
         // SAFETY: the recording is complete and not pending: every run waits for the fence, and
         // `&mut self` keeps a second one away. All it refers to is kept in `commands`.
-        let waited = unsafe {
-            {
-                let queue = self.gpu.0.lock_queue();
-                device
-                    .queue_submit2(*queue, &submit, self.fence)
-                    .map_err(|e| self.gpu.failure(&what, e))?;
-            }
-            device.wait_for_fences(&[self.fence], true, timeout)
+        let submitted = unsafe {
+            device.reset_fences(&[self.fence]).map_err(|e| shared.failure(&what, e))?;
+            let queue = shared.lock_queue();
+            device.queue_submit2(*queue, &submit, self.fence)
         };
-        match waited {
-            Ok(()) => {}
-            Err(vk::Result::TIMEOUT) => {
-                self.gpu.0.lost.store(true, Ordering::Relaxed);
-                // The device may still read all of it, so nothing of it may be freed.
-                std::mem::forget(self.commands.take());
-                return Err(Error::Lost(format!(
-                    "{} did not finish {what} within {} seconds; use a smaller size or scene, or \
-                     allow more time (--timeout, TILEWRIGHT_TIMEOUT, GpuOptions::timeout)",
-                    self.gpu.name(),
-                    self.gpu.0.timeout.as_secs_f32()
-                )));
-            }
-            Err(e) => return Err(self.gpu.failure(&what, e)),
+        match submitted {
+            Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST) => {}
+            // Vulkan promises that nothing has begun.
+            Err(
+                e @ (vk::Result::ERROR_OUT_OF_HOST_MEMORY | vk::Result::ERROR_OUT_OF_DEVICE_MEMORY),
+            ) => return Err(shared.failure(&what, e)),
+            Err(e) => return Err(self.abandon(&what, e)),
         }
-        // SAFETY: the fence is signalled and no submission uses it.
-        unsafe { device.reset_fences(&[self.fence]) }.map_err(|e| self.gpu.failure(&what, e))?;
+        let waited = shared.wait_for(self.fence);
+        if may_be_in_flight(waited) {
+            return Err(self.abandon(&what, waited.err().unwrap_or_default()));
+        }
+        submitted.and(waited).map_err(|e| shared.failure(&what, e))?;
         commands.timings()
+    }
+
+    /// The error for a submission of which nobody knows whether it has ended. The device may still read all
+    /// that it refers to, so nothing of it may be freed, and nothing else may run.
+    fn abandon(&mut self, what: &str, e: vk::Result) -> Error {
+        self.gpu.0.lost.store(true, Ordering::Relaxed);
+        std::mem::forget(self.commands.take());
+        if e != vk::Result::TIMEOUT {
+            return self.gpu.failure(what, e);
+        }
+        Error::Lost(format!(
+            "{} did not finish {what} within {} seconds; use a smaller size or scene, or allow more time \
+             (--timeout, TILEWRIGHT_TIMEOUT, GpuOptions::timeout)",
+            self.gpu.name(),
+            self.gpu.0.timeout.as_secs_f32()
+        ))
     }
 }
 

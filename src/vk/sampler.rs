@@ -16,7 +16,7 @@ pub(super) type SamplerKey = (Wrap, Wrap, Filter, Filter, Option<Filter>);
 pub struct Sampler {
     pub(crate) handle: vk::Sampler,
     /// Keeps the device, which owns the handle.
-    _gpu: Gpu,
+    pub(super) gpu: Gpu,
 }
 
 impl Sampler {
@@ -28,7 +28,7 @@ impl Sampler {
         let key = (state.wrap_u, state.wrap_v, state.mag, state.min, state.mip);
         let mut samplers = gpu.0.samplers.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(&handle) = samplers.get(&key) {
-            return Ok(Self { handle, _gpu: gpu.clone() });
+            return Ok(Self { handle, gpu: gpu.clone() });
         }
         let info = vk::SamplerCreateInfo::default()
             .mag_filter(filter(state.mag))
@@ -48,7 +48,7 @@ impl Sampler {
         let handle = unsafe { gpu.0.device.create_sampler(&info, None) }
             .map_err(|e| gpu.failure("creating a sampler", e))?;
         samplers.insert(key, handle);
-        Ok(Self { handle, _gpu: gpu.clone() })
+        Ok(Self { handle, gpu: gpu.clone() })
     }
 }
 

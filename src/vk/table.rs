@@ -14,6 +14,7 @@ use super::{
     error::capacity,
     gpu::{Gpu, Shared},
     image::{Image, ImageInfo, ImageUse},
+    owner::same_device,
     recorder::Recorder,
     requirements::Probe,
     sampler::Sampler,
@@ -29,7 +30,7 @@ use bytemuck::Pod;
 use std::{
     any::Any,
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError, RwLockWriteGuard},
 };
 
 /// Slots of each kind. What a device offers less of is cut down when it is opened.
@@ -161,7 +162,7 @@ pub(super) struct RawTable {
     pub addresses: Option<Buffer<u64>>,
     /// Everything a slot may show.
     keep: Mutex<Vec<Arc<dyn Any + Send + Sync>>>,
-    gpu: Gpu,
+    pub(super) gpu: Gpu,
 }
 
 impl ResourceTable {
@@ -235,8 +236,13 @@ impl ResourceTable {
         Ok(table)
     }
 
-    /// Frees all slots. The caller sees to it that no submission is using the table.
+    /// Frees all slots. Waits for what other threads run with the table.
+    ///
+    /// # Errors
+    /// [`Error::Lost`] if the device was lost, which may still be reading.
     pub fn clear(&mut self) -> Result<()> {
+        let gpu = self.raw.gpu.clone();
+        let _turn = self.turn(&gpu)?;
         for (binding, used) in std::mem::take(&mut self.used).into_iter().enumerate() {
             self.fill(binding as u32, 0, used)?;
         }
@@ -269,6 +275,7 @@ impl ResourceTable {
     /// [`Error::Full`] if the table is full, as for all functions that insert.
     pub fn insert_sampled(&mut self, image: &Image, sampler: &Sampler) -> Result<u32> {
         use vk::Handle;
+        same_device(self, sampler)?;
         let key = (0, image.0.view.as_raw(), sampler.handle.as_raw(), 0, 0);
         let info = image_info(image, sampler.handle);
         self.insert_image(key, info, image)
@@ -290,10 +297,13 @@ impl ResourceTable {
     /// As [`ResourceTable::insert_sampled`].
     pub fn insert_sampler(&mut self, sampler: &Sampler) -> Result<u32> {
         use vk::Handle;
+        same_device(self, sampler)?;
         let key = (2, sampler.handle.as_raw(), 0, 0, 0);
         if let Some(&slot) = self.slots.get(&key) {
             return Ok(slot);
         }
+        let gpu = self.raw.gpu.clone();
+        let _turn = self.turn(&gpu)?;
         let slot = self.take(key)?;
         let info = [vk::DescriptorImageInfo::default().sampler(sampler.handle)];
         self.write(2, slot, &info, &[]);
@@ -317,17 +327,23 @@ impl ResourceTable {
     /// reaches, and [`Error::Usage`] if its first byte is not aligned.
     pub fn insert_buffer<T: Pod>(&mut self, buffer: &Buffer<T>) -> Result<u32> {
         use vk::Handle;
+        same_device(self, buffer)?;
         let (offset, bytes) = check_binding(&self.raw.gpu, buffer)?;
         let key = (4, buffer.raw().handle.as_raw(), 0, offset, bytes);
         if let Some(&slot) = self.slots.get(&key) {
             return Ok(slot);
         }
+        let gpu = self.raw.gpu.clone();
+        let _turn = self.turn(&gpu)?;
         let slot = self.take(key)?;
         self.keep(buffer.raw().clone());
         let info = [buffer_info(buffer.raw(), offset, bytes)];
         self.write(4, slot, &[], &info);
         if let Some(addresses) = &self.raw.addresses {
-            addresses.write(slot as usize, &[buffer.raw().address + offset])?;
+            // SAFETY: only the table has this buffer, and recordings that have the table do not run.
+            unsafe {
+                addresses.write_out_of_turn(slot as usize, &[buffer.raw().address + offset])?;
+            }
         }
         Ok(slot)
     }
@@ -342,6 +358,7 @@ impl ResourceTable {
         info: vk::DescriptorImageInfo,
         image: &Image,
     ) -> Result<u32> {
+        same_device(self, image)?;
         if let Some(&slot) = self.slots.get(&key) {
             return Ok(slot);
         }
@@ -354,10 +371,18 @@ impl ResourceTable {
                 KINDS[key.0 as usize].1
             )));
         }
+        let gpu = self.raw.gpu.clone();
+        let _turn = self.turn(&gpu)?;
         let slot = self.take(key)?;
         self.keep(image.0.clone());
         self.write(key.0, slot, &[info], &[]);
         Ok(slot)
+    }
+
+    /// The turn of the host, where a recording may have the table.
+    fn turn<'g>(&mut self, gpu: &'g Gpu) -> Result<Option<RwLockWriteGuard<'g, ()>>> {
+        let shared = Arc::get_mut(&mut self.raw).is_none();
+        shared.then(|| gpu.0.host_turn()).transpose()
     }
 
     /// The next free slot of the key's binding.
@@ -403,7 +428,11 @@ impl ResourceTable {
             at += n as u32;
         }
         if let Some(addresses) = self.raw.addresses.as_ref().filter(|_| binding == 4) {
-            addresses.write(first as usize, &vec![raw.address; count as usize])?;
+            // SAFETY: only the table has this buffer, and recordings that have the table do not run.
+            unsafe {
+                let all = vec![raw.address; count as usize];
+                addresses.write_out_of_turn(first as usize, &all)?;
+            }
         }
         Ok(())
     }

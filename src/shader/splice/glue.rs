@@ -1,5 +1,6 @@
-//! The bodies of the stubs: `tw_user_bind`, what one draw needs once, `tw_user_bind_inputs`, what one
-//! triangle needs once, and `tw_user_main`, what comes before and after the user's entry point.
+//! The bodies of the stubs: `tw_user_bind`, what one draw needs once, `tw_user_bind_instance` and
+//! `tw_user_bind_inputs`, what one instance and one triangle need once, and `tw_user_main`, what comes
+//! before and after the user's entry point.
 //!
 //! Binding: the table indices of the draw's resources, what is brought over from uniform blocks, and
 //! the vertex attributes or the triangle's varyings that will be read. Calling: first the initial values of the user's variables
@@ -35,19 +36,27 @@ pub(super) fn write(
     glue.resources(imported, indices)?;
     glue.code.instructions.extend(prefetched);
     if stage == Stage::Vertex {
-        glue.bind_each(imported, "tw_bind_attribute(u1;", abi::MAX_ATTRIBUTES)?;
+        glue.bind_each(imported, "tw_bind_attribute(u1;", 1, abi::MAX_ATTRIBUTES)?;
     }
     glue.code.effect(Op::Return, vec![]);
     let body = glue.code.instructions;
     replace_stub(linker, hooks.function("tw_user_bind(")?, body)?;
 
-    if stage == Stage::Fragment {
-        let mut glue = Glue { code: Code::new(linker), hooks, stage };
-        glue.bind_each(imported, "tw_bind_input(u1;", abi::MAX_VARYINGS)?;
-        glue.code.effect(Op::Return, vec![]);
-        let body = glue.code.instructions;
-        replace_stub(linker, hooks.function("tw_user_bind_inputs(")?, body)?;
-    }
+    let mut glue = Glue { code: Code::new(linker), hooks, stage };
+    let stub = match stage {
+        Stage::Vertex => {
+            let hook = "tw_bind_instance_attribute(u1;";
+            glue.bind_each(imported, hook, 1, abi::MAX_ATTRIBUTES)?;
+            "tw_user_bind_instance("
+        }
+        Stage::Fragment => {
+            glue.bind_each(imported, "tw_bind_inputs(u1;", 2, abi::MAX_VARYINGS)?;
+            "tw_user_bind_inputs("
+        }
+    };
+    glue.code.effect(Op::Return, vec![]);
+    let body = glue.code.instructions;
+    replace_stub(linker, hooks.function(stub)?, body)?;
 
     let mut glue = Glue { code: Code::new(linker), hooks, stage };
     for &(variable, value) in &imported.initial {
@@ -89,15 +98,23 @@ impl Glue<'_> {
         Ok(())
     }
 
-    /// Calls `hook` for each input location below `limit`.
-    fn bind_each(&mut self, imported: &Imported, hook: &str, limit: u32) -> Outcome<()> {
+    /// Calls `hook` for the input locations below `limit`, with the first of each `group` of locations that
+    /// has one.
+    fn bind_each(
+        &mut self,
+        imported: &Imported,
+        hook: &str,
+        group: u32,
+        limit: u32,
+    ) -> Outcome<()> {
         let inputs = imported.ports.iter().filter(|p| !p.output);
         let locations: BTreeSet<u32> =
             inputs.flat_map(Port::leaves).map(|leaf| leaf.varying.location).collect();
-        for location in locations {
-            if location >= limit {
-                return Err(format!("it reads location {location} of {limit}"));
-            }
+        if let Some(beyond) = locations.last().filter(|&&location| location >= limit) {
+            return Err(format!("it reads location {beyond} of {limit}"));
+        }
+        let groups: BTreeSet<u32> = locations.iter().map(|location| location / group).collect();
+        for location in groups.into_iter().map(|number| number * group) {
             let hook = self.hooks.function(hook)?;
             let location = self.code.linker.uint_constant(location);
             let void = self.code.linker.void();

@@ -8,14 +8,16 @@
 //! |---|---|---|
 //! | `void tw_user_bind()` | both | the stub that the kernel calls when another draw begins |
 //! | `void tw_user_bind_inputs()` | fragment | the stub that the kernel calls when another triangle begins |
+//! | `void tw_user_bind_instance()` | vertex | the stub that the kernel calls when another instance begins |
 //! | `void tw_user_main()` | both | the stub that runs the shader |
 //! | `uint tw_resource(const in uint i)` | both | table index of the shader's resource `i` |
 //! | `uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)` | both | four words, none after `last`, of the buffer in a slot of the table |
 //! | `void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value)` | both | takes an output's bits |
 //! | `void tw_bind_attribute(const in uint location)` | vertex | an attribute that will be read |
+//! | `void tw_bind_instance_attribute(const in uint location)` | vertex | the same, for another instance |
 //! | `vec4 tw_attribute_float(const in uint location)` | vertex | an attribute as floats |
 //! | `uvec4 tw_attribute_uint(const in uint location)` | vertex | an integer attribute's bits |
-//! | `void tw_bind_input(const in uint location)` | fragment | an input that will be read |
+//! | `void tw_bind_inputs(const in uint location)` | fragment | inputs at `location`, which is even, and the one after it, of which one or both will be read |
 //! | `vec4 tw_input_smooth(const in uint location)` | fragment | interpolated with perspective |
 //! | `vec4 tw_input_noperspective(const in uint location)` | fragment | interpolated on the screen |
 //! | `uvec4 tw_input_flat(const in uint location)` | fragment | the provoking vertex's bits |

@@ -1,0 +1,90 @@
+//! Limits of an opened device.
+
+use super::{device::DeviceInfo, requirements::Probe};
+use ash::vk;
+
+/// Limits of an opened device that callers plan by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes that one storage-buffer binding reaches.
+    pub storage_range_bytes: u64,
+    /// Bytes of one buffer.
+    pub buffer_bytes: u64,
+    /// Bytes of one image, or of anything else that is allocated.
+    pub allocation_bytes: u64,
+    /// Alignment of a storage-buffer binding's offset.
+    pub storage_offset_bytes: u64,
+    /// Workgroups of one dispatch, in each direction.
+    pub dispatch: [u32; 3],
+    /// Invocations of one workgroup.
+    pub workgroup_invocations: u32,
+    /// Shared memory of one workgroup.
+    pub shared_bytes: u32,
+    /// The subgroup size that a kernel gets if it asks for none.
+    pub subgroup_size: u32,
+    /// The subgroup sizes that a kernel may ask for.
+    pub subgroup_sizes: (u32, u32),
+    /// Pixels of a two-dimensional image, in each direction.
+    pub image_side_px: u32,
+    /// Pixels of a target that the device draws to itself, in each direction; compute has no such
+    /// limit.
+    pub target_side_px: u32,
+    /// Bytes of device-local memory.
+    pub memory_bytes: u64,
+}
+
+/// Limits of the device's own pipeline.
+#[derive(Clone, Copy)]
+pub(crate) struct DrawLimits {
+    pub sets: u32,
+    pub uniforms: u32,
+    pub storages: u32,
+    pub images: u32,
+    pub samplers: u32,
+    /// Bytes of a uniform block.
+    pub uniform_bytes: u32,
+    pub vertex_bindings: u32,
+    /// Locations of vertex attributes, of vertex outputs, of fragment inputs, of fragment outputs.
+    pub vertex_attributes: u32,
+    pub vertex_outputs: u32,
+    pub fragment_inputs: u32,
+    pub fragment_outputs: u32,
+}
+
+pub(super) fn draw_limits(l: &vk::PhysicalDeviceLimits) -> DrawLimits {
+    DrawLimits {
+        sets: l.max_bound_descriptor_sets,
+        uniforms: l.max_per_stage_descriptor_uniform_buffers,
+        storages: l.max_per_stage_descriptor_storage_buffers,
+        images: l.max_per_stage_descriptor_sampled_images,
+        samplers: l.max_per_stage_descriptor_samplers,
+        uniform_bytes: l.max_uniform_buffer_range,
+        vertex_bindings: l.max_vertex_input_bindings,
+        vertex_attributes: l.max_vertex_input_attributes,
+        vertex_outputs: l.max_vertex_output_components / 4,
+        fragment_inputs: l.max_fragment_input_components / 4,
+        fragment_outputs: l.max_fragment_output_attachments,
+    }
+}
+
+pub(super) fn limits(probe: &Probe, info: &DeviceInfo) -> Limits {
+    let l = &probe.properties.limits;
+    let allocation = probe.vulkan11.max_memory_allocation_size;
+    Limits {
+        storage_range_bytes: u64::from(l.max_storage_buffer_range),
+        buffer_bytes: probe.vulkan13.max_buffer_size.min(allocation),
+        allocation_bytes: allocation,
+        storage_offset_bytes: l.min_storage_buffer_offset_alignment,
+        dispatch: l.max_compute_work_group_count,
+        workgroup_invocations: l.max_compute_work_group_invocations,
+        shared_bytes: l.max_compute_shared_memory_size,
+        subgroup_size: probe.vulkan11.subgroup_size,
+        subgroup_sizes: info.subgroup_sizes,
+        image_side_px: l.max_image_dimension2_d,
+        target_side_px: l
+            .max_image_dimension2_d
+            .min(l.max_framebuffer_width)
+            .min(l.max_framebuffer_height),
+        memory_bytes: info.memory_bytes,
+    }
+}
