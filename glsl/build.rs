@@ -4,13 +4,17 @@
 //! stands a checksum of each text that it was compiled from; this script compares them. What the kernels
 //! take from `src/abi.rs` is compared by the compiler itself (`glsl/spirv/layout.rs`), and that each file
 //! is what its GLSL gives, by the tests of `glsl/tool`.
+//!
+//! It also tells which commit is built (`commit`).
 
 use std::{fs, path::Path, process::ExitCode};
 
+mod commit;
 mod source;
 
 fn main() -> ExitCode {
     println!("cargo:rerun-if-changed=glsl");
+    commit::tell();
     let glsl = Path::new("glsl");
     let list = fs::read_to_string(glsl.join("spirv").join(source::LIST)).unwrap_or_default();
     let changed: Vec<&str> = list

@@ -67,6 +67,7 @@ pub mod error;
 pub mod format;
 pub mod grid;
 pub mod image;
+mod kept;
 pub mod pass;
 pub mod plan;
 mod prebuilt;

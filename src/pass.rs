@@ -14,7 +14,10 @@ use crate::{
 };
 use std::sync::Arc;
 
+mod indices;
 mod validate;
+
+pub use indices::IndexRanges;
 
 /// Bytes for vertices, indices, uniform or storage blocks. Immutable: a change is a new buffer.
 #[derive(Clone, Debug, Default)]
@@ -125,6 +128,11 @@ impl Pipeline {
 }
 
 /// One resource that a shader binds.
+///
+/// A range may be shorter than the shader's block, though not empty. What lies beyond is never other
+/// memory: a shader reads zeros beyond the end of a uniform block, and beyond that of a storage block what
+/// Vulkan's `robustBufferAccess` allows, which is zeros on most devices; what it writes there vanishes. The
+/// length of a run-time array counts the elements that the range has room for.
 #[derive(Clone, Debug)]
 pub enum Binding {
     /// A uniform block.

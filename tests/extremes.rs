@@ -11,10 +11,10 @@ use tilewright::{
     grid::Capacities,
     image::Extent,
     pass::{
-        Buffer, BufferRange, Draw, Executor, IndexFormat, Indices, Pass, Pipeline, StepRate,
-        VertexAttribute, VertexBinding,
+        BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, IndexFormat, IndexRanges,
+        Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
-    plan::{IndexRanges, Plan, Slots},
+    plan::{Plan, Slots},
     shader::{Shader, Stage},
     state::{DepthState, Topology},
 };
@@ -31,7 +31,12 @@ impl Slots for NoSlots {
     fn buffer(&mut self, _: &Arc<Buffer>) -> tilewright::Result<u32> {
         Ok(0)
     }
-    fn bindings(&mut self, _: &[tilewright::pass::Binding]) -> tilewright::Result<u32> {
+    fn bindings(
+        &mut self,
+        _: &Arc<BindingSet>,
+        _: &BindingEntry,
+        _: u32,
+    ) -> tilewright::Result<u32> {
         Ok(0)
     }
     fn push_constants(&mut self, _: &[u8]) -> tilewright::Result<u32> {

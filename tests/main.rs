@@ -2,18 +2,23 @@
 
 mod attributes;
 mod bench;
+mod blocks;
 mod classic;
 mod cli;
 mod common;
 mod devices;
 mod extremes;
+mod golden;
 mod interpolation;
+mod kept;
 mod kernels;
+mod known_issues;
 mod large;
 mod parity;
 mod pass;
 mod property;
 mod readme;
+mod regression;
 mod scene;
 mod setup;
 mod splice;

@@ -1,8 +1,8 @@
 //! Do we draw what the device's own pipeline draws? The same pass by compute and by classic.
 
 use crate::{
-    common::{gpu, random::Random},
-    twin::{difference, random_pass, shaders},
+    common::{gpu, on_each_gpu, random::Random},
+    twin::{VERTEX, difference, random_pass, shaders},
 };
 use std::sync::Arc;
 use tilewright::{
@@ -13,6 +13,7 @@ use tilewright::{
     image::{Extent, half_to_f32},
     pass::{Buffer, BufferRange, Draw, Executor, Pass, Pipeline},
     scene::{PassOptions, Scene},
+    shader::{Shader, Stage},
     state::{Blend, BlendEquation, BlendFactor, BlendOp, Compare, Cull, DepthState, Topology},
     target::{ColorTarget, DepthTarget},
     vk::Gpu,
@@ -143,6 +144,51 @@ fn largest_step(gpu: &Gpu, pass: &Pass) -> f32 {
     };
     let (a, b) = (channels(&a.color.bytes), channels(&b.color.bytes));
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// Vulkan lets a shader write where no target is, and the size of points that it does not draw.
+#[test]
+fn outputs_without_a_target_and_point_sizes_change_nothing() {
+    on_each_gpu("outputs without a target and point sizes change nothing", |gpu| {
+        let body = |more: &str, writes: &str| {
+            format!(
+                "#version 450
+                 layout(location = 0) in vec4 color;
+                 layout(location = 0) out vec4 target;
+                 {more}
+                 void main() {{ target = color; {writes} }}"
+            )
+        };
+        let plain = (*random_pass(0, &shaders()).pipelines[0]).clone();
+        let more = body(
+            "layout(location = 1) out vec4 a; layout(location = 2) out uvec2 b;
+             layout(location = 3) out float c;",
+            "a = 1.0 - color; b = uvec2(7); c = 0.5;",
+        );
+        let sized = VERTEX
+            .replace("gl_Position = position;", "gl_Position = position; gl_PointSize = 9.0;");
+        let shader =
+            |stage, source: &str| Arc::new(Shader::from_glsl(stage, "extra", source).unwrap());
+        let extra = Pipeline {
+            vertex: shader(Stage::Vertex, &sized),
+            fragment: shader(Stage::Fragment, &more),
+            ..plain.clone()
+        };
+        let pictures = [plain, extra].map(|pipeline| {
+            let pipeline = Pipeline {
+                topology: Topology::TriangleList,
+                depth: DepthState::LESS,
+                blend: None,
+                ..pipeline
+            };
+            let pass = overlapping(&pipeline, Format::Rgba8Unorm, 3);
+            let mut compute = compute::Renderer::new(gpu).unwrap();
+            let mut classic = classic::Renderer::new(gpu).unwrap();
+            [compute.render(&pass).unwrap().color, classic.render(&pass).unwrap().color]
+        });
+        assert!(pictures[0] == pictures[1]);
+        assert!(pictures[0][0].bytes.chunks(4).any(|texel| texel != &pictures[0][0].bytes[..4]));
+    });
 }
 
 #[test]

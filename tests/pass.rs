@@ -171,11 +171,20 @@ layout(location = 1) flat out int id;
 void main() { gl_Position = vec4(0); uv = vec2(0); id = 1; }";
         p.pipeline.vertex = shader(Stage::Vertex, "other.vert", body);
     });
-    refused(&["set 0 binding 0", "Cube"], |p| {
-        let body = "layout(binding = 0) uniform samplerCube sky;
-layout(location = 0) out vec4 color;
-void main() { color = texture(sky, vec3(1)); }";
-        p.pipeline.fragment = shader(Stage::Fragment, "sky.frag", body);
+    refused(&["odd.frag", "Uint", "location 0", "floats"], |p| {
+        let body = "layout(location = 0) out uvec4 color;
+void main() { color = uvec4(1); }";
+        p.pipeline.fragment = shader(Stage::Fragment, "odd.frag", body);
+    });
+    refused(&["far.frag", "location 40", "32"], |p| {
+        let (out, take) =
+            ("layout(location = 40) out vec2 far;", "layout(location = 40) in vec2 far;");
+        let vertex = format!("{out}\nvoid main() {{ gl_Position = vec4(0); far = vec2(0); }}");
+        let fragment = format!(
+            "{take}\nlayout(location = 0) out vec4 color;\nvoid main() {{ color = far.xyxy; }}"
+        );
+        p.pipeline.vertex = shader(Stage::Vertex, "far.vert", &vertex);
+        p.pipeline.fragment = shader(Stage::Fragment, "far.frag", &fragment);
     });
     refused(&["set 1 binding 0", "Storage", "Uniform"], |p| {
         let body = "layout(set = 1, binding = 0) readonly buffer Block { vec2 uvs[]; };
@@ -201,7 +210,11 @@ fn bindings() {
             p.entries[0].resources = vec![Binding::Uniform(BufferRange { buffer, offset, bytes })];
         }
     };
-    refused(&["factors", "63 bytes", "64"], uniform(0, 63));
+    refused(&["factors", "no bytes"], uniform(0, 0));
+    // A range that is shorter than the block is legal: tests/blocks.rs says what is read beyond it.
+    let mut parts = Parts::new();
+    uniform(0, 63)(&mut parts);
+    parts.assemble().validate().unwrap();
     refused(&["factors", "byte 128", "256"], uniform(128, 64));
     refused(&["factors", "512"], uniform(256, 257));
     refused(&["factors", "512"], uniform(usize::MAX - 255, 256));

@@ -154,14 +154,14 @@ fn optimized(shader: &Shader) -> Shader {
         .stdout(Stdio::piped())
         .spawn()
         .expect("the tests need spirv-opt (Debian: spirv-tools); scripts/setup installs it");
-    let bytes: Vec<u8> = shader.spirv.iter().flat_map(|w| w.to_le_bytes()).collect();
+    let bytes: Vec<u8> = shader.spirv().iter().flat_map(|w| w.to_le_bytes()).collect();
     let mut stdin = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || stdin.write_all(&bytes).unwrap());
     let output = child.wait_with_output().unwrap();
     writer.join().unwrap();
     let bytes = output.stdout.chunks_exact(4);
     let words: Vec<u32> = bytes.map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
-    Shader::from_spirv(shader.stage, "optimized.frag", &words).unwrap()
+    Shader::from_spirv(shader.stage(), "optimized.frag", &words).unwrap()
 }
 
 fn words(gpu: &Gpu, content: &[u32]) -> Buffer<u32> {

@@ -359,7 +359,8 @@ fn a_device_that_does_not_answer_is_lost_and_nothing_hangs() {
     let info = KernelInfo { name: "endless", spirv: &spirv, ..KernelInfo::default() };
     let kernel = Kernel::new(&gpu, &info).unwrap();
     // About a second of work: long against the time-out, short for the suite.
-    let cells = Buffer::upload(&gpu, "cells", &[1u32, 20_000_000]).unwrap();
+    let work = [1u32, 20_000_000];
+    let cells = Buffer::upload(&gpu, "cells", &work).unwrap();
     let started = Instant::now();
     let mut recorder = Recorder::new(&gpu, "endless").unwrap();
     recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1]).unwrap();
@@ -374,7 +375,18 @@ fn a_device_that_does_not_answer_is_lost_and_nothing_hangs() {
     drop((recording, kernel, cells));
     assert_eq!(gpu.validation_messages(), [""; 0]);
     drop(gpu);
-    assert!(started.elapsed() < Duration::from_millis(700), "{:?}", started.elapsed());
+    let given_up = started.elapsed();
+
+    // Nobody waited for the end of the work: it takes longer than all of that did, whatever the machine's
+    // speed is.
+    let patient = self::gpu();
+    let kernel = Kernel::new(&patient, &info).unwrap();
+    let cells = Buffer::upload(&patient, "cells", &work).unwrap();
+    let started = Instant::now();
+    let mut recorder = Recorder::new(&patient, "endless").unwrap();
+    recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1]).unwrap();
+    recorder.submit().unwrap();
+    assert!(given_up < started.elapsed(), "{given_up:?}");
 }
 
 #[test]

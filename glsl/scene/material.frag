@@ -26,6 +26,7 @@ layout(set = 1, binding = 0) uniform Material {
     vec4 base_color;
     vec4 emissive; // w: alpha cutoff
     vec4 surface;  // metallic, roughness, normal scale, occlusion strength
+    vec4 specular; // specular colour, glossiness
     uvec4 flags;
     vec4 uv_rows[10];
 } material;
@@ -43,6 +44,7 @@ const int OCCLUSION = 3;
 const int EMISSIVE = 4;
 const int UNLIT = 5;
 const int ALPHA = 6;
+const int SPECULAR = 7;
 
 bool has(int flag) {
     return (material.flags.x >> flag & 1u) != 0u;
@@ -124,10 +126,9 @@ void main() {
     if (has(BASE_COLOR)) {
         base *= texture(base_color_map, map_uv(UV_ROWS(BASE_COLOR)));
     }
-    vec2 metallic_roughness = material.surface.xy;
+    vec4 surface = vec4(1.0);
     if (has(METALLIC_ROUGHNESS)) {
-        metallic_roughness *=
-            texture(metallic_roughness_map, map_uv(UV_ROWS(METALLIC_ROUGHNESS))).bg;
+        surface = texture(metallic_roughness_map, map_uv(UV_ROWS(METALLIC_ROUGHNESS)));
     }
     vec3 mapped = vec3(0.0, 0.0, 1.0);
     if (has(NORMAL)) {
@@ -154,13 +155,21 @@ void main() {
         return;
     }
 
-    float metallic = clamp(metallic_roughness.x, 0.0, 1.0);
-    float roughness = clamp(metallic_roughness.y, 0.04, 1.0);
+    float metallic = clamp(material.surface.x * surface.b, 0.0, 1.0);
+    float roughness = material.surface.y * surface.g;
+    vec3 diffuse = base.rgb * (1.0 - metallic);
+    vec3 f0 = mix(vec3(0.04), base.rgb, metallic);
+    if (has(SPECULAR)) {
+        // KHR_materials_pbrSpecularGlossiness: what is reflected at once is not scattered.
+        vec4 specular = clamp(material.specular * surface, 0.0, 1.0);
+        f0 = specular.rgb;
+        diffuse = base.rgb * (1.0 - max(f0.r, max(f0.g, f0.b)));
+        roughness = 1.0 - specular.a;
+    }
+    roughness = clamp(roughness, 0.04, 1.0);
     vec3 n = shading_normal(mapped);
     vec3 v = unit(in_to_viewer);
     vec3 l = frame.key_direction.xyz;
-    vec3 diffuse = base.rgb * (1.0 - metallic);
-    vec3 f0 = mix(vec3(0.04), base.rgb, metallic);
 
     float n_dot_l = max(dot(n, l), 0.0);
     vec3 color = frame.key_color.rgb * n_dot_l

@@ -3,8 +3,8 @@
 use crate::{
     error::Result,
     grid::Capacities,
-    pass::{Binding, Buffer, Pass},
-    plan::{IndexRanges, Plan, Slots},
+    pass::{BindingEntry, BindingSet, Buffer, IndexRanges, Pass},
+    plan::{Plan, Slots},
 };
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ impl Slots for Nowhere {
         Ok(0)
     }
 
-    fn bindings(&mut self, _: &[Binding]) -> Result<u32> {
+    fn bindings(&mut self, _: &Arc<BindingSet>, _: &BindingEntry, _: u32) -> Result<u32> {
         Ok(0)
     }
 

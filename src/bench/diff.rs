@@ -2,6 +2,10 @@
 //!
 //! Rows of the same name and size are compared by their ratios, not by their times: classic is the same
 //! program in both, so that a busier machine slows both down and cancels out. The times stand beside them.
+//!
+//! The interval of a change is made of those of the two ratios, which were measured independently: on a
+//! logarithmic scale, its reach is the root of the sum of the squares of theirs. Adding the two reaches up
+//! was the alternative: then two quiet runs of one program are AMBIGUOUS nearly always.
 
 use super::{
     rows::SCHEMA_VERSION,
@@ -10,25 +14,9 @@ use super::{
 };
 use serde_json::{Value, json};
 
-/// Whether `document` is a result that can be compared.
-///
-/// # Errors
-/// A sentence.
-pub fn check(document: &Value) -> Result<(), String> {
-    match document["schema_version"].as_u64() {
-        Some(version) if version == u64::from(SCHEMA_VERSION) => {}
-        Some(version) => {
-            return Err(format!(
-                "it has version {version} of the results' schema, this program reads {SCHEMA_VERSION}"
-            ));
-        }
-        None => return Err("it is no result of `tilewright bench --json`".into()),
-    }
-    match document["rows"].is_array() {
-        true => Ok(()),
-        false => Err("it has no rows".into()),
-    }
-}
+/// What is said if it is not the same in both.
+const ENVIRONMENT: [&str; 6] =
+    ["/device/driver", "/device/name", "/cpu", "/cores", "/kernel_hash", "/commit"];
 
 /// The change from `before` to `after`.
 pub fn diff(before: &Value, after: &Value) -> Value {
@@ -48,7 +36,7 @@ pub fn diff(before: &Value, after: &Value) -> Value {
         gone.map(|row| json!({ "name": row["name"], "size": row["size"] })).collect();
     let mean = geometric_mean(compared.iter().filter_map(|row| row["change"].as_f64()));
     let same = |path: &str| before.pointer(path) == after.pointer(path);
-    let differing: Vec<_> = ["/device/driver", "/device/name", "/cpu", "/cores", "/kernel_hash"]
+    let differing: Vec<_> = ENVIRONMENT
         .into_iter()
         .filter(|path| !same(&format!("/environment{path}")))
         .map(|path| path.trim_start_matches('/').replace('/', " "))
@@ -65,17 +53,30 @@ pub fn diff(before: &Value, after: &Value) -> Value {
 
 fn change(before: &Value, after: &Value) -> Value {
     let valid = before["images_equal"] == true && after["images_equal"] == true;
+    // One measurement, twice: nothing is unsure about the change, whatever is about the ratio.
+    let identical = before == after;
+    let busy = [before, after].iter().any(|row| row["verdict"] == Verdict::Busy.name());
     let ratios = before["ratio"].as_f64().zip(after["ratio"].as_f64()).filter(|_| valid);
     let change = ratios.map(|(before, after)| after / before);
     let ends = |row: &Value| {
         let ends = &row["ratio_interval"];
         ends[0].as_f64().zip(ends[1].as_f64())
     };
-    // The worst of one against the best of the other: wider than it need be, and never too sure.
-    let interval =
-        ends(before).zip(ends(after)).filter(|_| valid).map(|(b, a)| [a.0 / b.1, a.1 / b.0]);
+    let interval = match ratios.zip(ends(before).zip(ends(after))) {
+        _ if identical => change.map(|change| [change, change]),
+        Some(((old, new), (old_ends, new_ends))) => {
+            let reach = |a: f64, b: f64| a.ln().hypot(b.ln()).exp();
+            let change = new / old;
+            Some([
+                change / reach(old_ends.1 / old, new / new_ends.0),
+                change * reach(old / old_ends.0, new_ends.1 / new),
+            ])
+        }
+        None => None,
+    };
     let verdict = match change {
-        Some(change) => Verdict::new(change, interval),
+        Some(change) if identical || !busy => Verdict::new(change, interval),
+        Some(_) => Verdict::Busy,
         None => Verdict::Invalid,
     };
     json!({
@@ -84,6 +85,7 @@ fn change(before: &Value, after: &Value) -> Value {
         "compute_ms": [before["compute"]["frame_ms"], after["compute"]["frame_ms"]],
         "classic_ms": [before["classic"]["frame_ms"], after["classic"]["frame_ms"]],
         "ratio": [before["ratio"], after["ratio"]],
+        "changing_ratio": [before["changing"]["ratio"], after["changing"]["ratio"]],
         "change": change,
         "change_interval": interval,
         "verdict": verdict.name(),
@@ -142,7 +144,7 @@ mod tests {
         let rows = rows.iter().map(|(name, ratio, equal)| {
             json!({
                 "name": name, "size": "8x8", "ratio": ratio, "images_equal": equal,
-                "ratio_interval": [ratio * 0.99, ratio * 1.01],
+                "ratio_interval": [ratio * 0.99, ratio * 1.01], "verdict": "AMBIGUOUS",
             })
         });
         json!({
@@ -171,10 +173,27 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_result_is_refused() {
-        assert!(check(&result(&[], "X")).is_ok());
-        assert!(check(&json!({})).unwrap_err().contains("no result"));
-        assert!(check(&json!({ "schema_version": 99 })).unwrap_err().contains("99"));
-        assert!(check(&json!({ "schema_version": 1 })).unwrap_err().contains("no rows"));
+    fn a_result_is_the_same_as_itself_however_unsure_it_is() {
+        let mut unsure = result(&[("a", 1.3, true)], "X");
+        unsure["rows"][0]["ratio_interval"] = json!([0.7, 1.9]);
+        for verdict in ["AMBIGUOUS", "BUSY"] {
+            unsure["rows"][0]["verdict"] = verdict.into();
+            let row = &diff(&unsure, &unsure)["rows"][0];
+            assert_eq!((&row["verdict"], &row["change"]), (&"SAME".into(), &1.0.into()));
+        }
+    }
+
+    #[test]
+    fn two_quiet_runs_are_the_same_and_a_busy_one_says_nothing() {
+        let before = result(&[("a", 1.3, true)], "X");
+        let mut after = result(&[("a", 1.302, true)], "X");
+        let row = diff(&before, &after)["rows"][0].clone();
+        assert_eq!(row["verdict"], "SAME", "{row}");
+        let [from, to] = [0, 1].map(|end| row["change_interval"][end].as_f64().unwrap());
+        let change = 1.302 / 1.3;
+        let reach = 1.01f64.ln().hypot(0.99f64.ln()).exp();
+        assert!(from > change / reach / 1.001 && to < change * reach * 1.001, "{row}");
+        after["rows"][0]["verdict"] = "BUSY".into();
+        assert_eq!(diff(&before, &after)["rows"][0]["verdict"], "BUSY");
     }
 }

@@ -63,12 +63,12 @@ pub fn model(recipe: &Recipe, extent: Extent) -> Model {
     let count = recipe.count.unwrap_or(0);
     let mut model = match recipe.shape {
         Shape::Sheet => sheet(recipe, extent),
-        Shape::Hall => hall(extent),
+        Shape::Hall => hall(recipe, extent),
         Shape::Knot => knot(count, extent),
         Shape::Ball => ball(count, extent),
-        Shape::Crowd => crowd(count, recipe.draws, extent),
-        Shape::Slivers => slivers(count, extent),
-        Shape::Leaves => leaves(count, extent),
+        Shape::Crowd => crowd(recipe, extent),
+        Shape::Slivers => slivers(recipe, extent),
+        Shape::Leaves => leaves(recipe, extent),
     };
     // Leaves come sorted, since blending needs it.
     if recipe.shape != Shape::Leaves {
@@ -77,7 +77,7 @@ pub fn model(recipe: &Recipe, extent: Extent) -> Model {
         match recipe.order {
             Order::Near => model.objects.sort_by(|a, b| depth(a).total_cmp(&depth(b))),
             Order::Far => model.objects.sort_by(|a, b| depth(b).total_cmp(&depth(a))),
-            Order::Random => shuffle(&mut model.objects),
+            Order::Random => shuffle(recipe.random(7), &mut model.objects),
         }
     }
     if recipe.blend {
@@ -86,8 +86,7 @@ pub fn model(recipe: &Recipe, extent: Extent) -> Model {
     model
 }
 
-fn shuffle<T>(items: &mut [T]) {
-    let mut random = Random(7);
+fn shuffle<T>(mut random: Random, items: &mut [T]) {
     for last in (1..items.len()).rev() {
         let other = (random.unit() * (last + 1) as f32) as usize;
         items.swap(last, other.min(last));
@@ -136,7 +135,7 @@ fn sheet(recipe: &Recipe, extent: Extent) -> Model {
     let aspect = extent.width as f32 / extent.height as f32;
     let (mut meshes, mut objects) = (Vec::new(), Vec::new());
     for layer in 0..layers.depth {
-        let mut random = Random(u64::from(layer) + 1);
+        let mut random = recipe.random(u64::from(layer) + 1);
         let cell = [1.0 / layers.columns as f32, 1.0 / layers.rows as f32];
         let mesh = grid(layers.columns, layers.rows, |u, v| {
             let mut inside = |t: f32, cell: f32| {
@@ -187,9 +186,9 @@ fn cuboid() -> Mesh {
 }
 
 /// 18 cuboids around the viewer: floor, ceiling, walls and twelve pillars.
-fn hall(extent: Extent) -> Model {
+fn hall(recipe: &Recipe, extent: Extent) -> Model {
     let mut objects = Vec::new();
-    let mut random = Random(3);
+    let mut random = recipe.random(3);
     let mut add = |center: Vec3, half: Vec3| {
         let model = Mat4::from_translation(center) * Mat4::from_scale(half);
         objects.push(Object { mesh: 0, model, tint: tint(&mut random), kind: Kind::Solid });
@@ -267,10 +266,11 @@ fn ball(count: u32, extent: Extent) -> Model {
     seen(vec![rippled(count, 0.04)], vec![object], &camera, extent)
 }
 
-/// `draws` balls, all of `count` triangles together, in the view and partly behind one another.
-fn crowd(count: u32, draws: u32, extent: Extent) -> Model {
+/// As many balls as draws, all of the recipe's triangles together, in the view and partly behind one another.
+fn crowd(recipe: &Recipe, extent: Extent) -> Model {
+    let (count, draws) = (recipe.count.unwrap_or(0), recipe.draws);
     let camera = look_at(Vec3::new(0.0, 0.0, 10.0), Vec3::ZERO, 0.8);
-    let mut random = Random(11);
+    let mut random = recipe.random(11);
     // Whatever their number, they cover the screen about three times.
     let radius = 10.0 / (draws as f32).sqrt();
     let aspect = extent.width as f32 / extent.height as f32;
@@ -289,12 +289,12 @@ fn crowd(count: u32, draws: u32, extent: Extent) -> Model {
 }
 
 /// Needles from point to point on the screen, a pixel wide at one end.
-fn slivers(count: u32, extent: Extent) -> Model {
-    let mut random = Random(5);
+fn slivers(recipe: &Recipe, extent: Extent) -> Model {
+    let mut random = recipe.random(5);
     let mut mesh = Mesh::default();
     let scale = Vec2::new(2.0 / extent.width as f32, 2.0 / extent.height as f32);
     let half = Vec2::ONE / scale - 2.0;
-    for needle in 0..count {
+    for needle in 0..recipe.count.unwrap_or(0) {
         let length = 0.2 + 0.3 * random.unit();
         let turn = random.unit() * TAU;
         let along = Vec2::new(turn.cos(), turn.sin()) * length * extent.height as f32;
@@ -315,8 +315,8 @@ fn slivers(count: u32, extent: Extent) -> Model {
 }
 
 /// A lawn, and bushes whose leaves are sorted from back to front.
-fn leaves(count: u32, extent: Extent) -> Model {
-    let mut random = Random(9);
+fn leaves(recipe: &Recipe, extent: Extent) -> Model {
+    let mut random = recipe.random(9);
     let lawn = grid(16, 16, |u, v| Vertex {
         position: Vec3::new((u * 2.0 - 1.0) * 12.0, -1.0, (1.0 - v * 2.0) * 12.0),
         normal: Vec3::Y,
@@ -324,7 +324,7 @@ fn leaves(count: u32, extent: Extent) -> Model {
     });
     let eye = Vec3::new(0.0, 2.0, 6.6);
     let bush = |b: u32| Vec3::new((b % 5) as f32 * 2.2 - 4.4, -0.1, (b / 5) as f32 * -2.2 + 3.0);
-    let mut centers: Vec<(Vec3, Vec3, Vec3)> = (0..count / 2)
+    let mut centers: Vec<(Vec3, Vec3, Vec3)> = (0..recipe.count.unwrap_or(0) / 2)
         .map(|leaf| {
             let direction = Vec3::new(random.signed(), random.signed(), random.signed());
             let out = direction.normalize_or(Vec3::Y);

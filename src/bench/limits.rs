@@ -5,14 +5,15 @@
 //! a stage at its limit is made faster only by giving it less to do. The least work is counted by what
 //! goes in and out of a stage by its contract, each value once, caches or no: it is no prediction.
 
-use super::counts::Counts;
+use super::{counts::Counts, statistics::Summary};
 use crate::{
     abi::Triangle,
     error::Result,
     image::Extent,
     prebuilt::bench as prebuilt,
-    vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
+    vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder, Recording},
 };
+use std::time::Instant;
 
 /// Lanes of a workgroup of both kernels.
 const GROUP: usize = 64;
@@ -55,16 +56,51 @@ impl Rates {
                 recorder.kernel(&kernel).bind("From", &from).bind("To", &to).dispatch(wide(groups))
             })?
         };
-        let atomics = {
-            let counters = Buffer::<u32>::new(gpu, "counters", COUNTERS, Memory::Device)?;
-            let kernel = kernel("bench/atomic", prebuilt::ATOMIC)?;
-            let groups = (ADDITIONS / GROUP) as u32;
-            fastest(gpu, |recorder| {
-                recorder.kernel(&kernel).bind("Counters", &counters).dispatch(wide(groups))
-            })?
-        };
+        let atomics = fastest(gpu, |recorder| additions(gpu, recorder))?;
         let per_second = |amount: usize, ns: u64| (ns > 0).then(|| amount as f64 * 1e9 / ns as f64);
         Ok(Self { copy: per_second(2 * COPY_BYTES, copy), atomics: per_second(ADDITIONS, atomics) })
+    }
+}
+
+/// Records [`ADDITIONS`] scattered atomic additions.
+fn additions(gpu: &Gpu, recorder: &mut Recorder) -> Result<()> {
+    let spirv = prebuilt::ATOMIC;
+    let info = KernelInfo { name: "bench/atomic", spirv, ..Default::default() };
+    let kernel = Kernel::new(gpu, &info)?;
+    let counters = Buffer::<u32>::new(gpu, "counters", COUNTERS, Memory::Device)?;
+    let groups = (ADDITIONS / GROUP) as u32;
+    recorder.kernel(&kernel).bind("Counters", &counters).dispatch(wide(groups))
+}
+
+/// A fixed piece of work of the device. It takes as long each time, unless something else works there too
+/// or the clock changes.
+pub(super) struct Calibration(Recording);
+
+impl Calibration {
+    /// The work, done once.
+    ///
+    /// # Errors
+    /// [`Error::Full`](crate::Error::Full) without memory for it.
+    pub(super) fn new(gpu: &Gpu) -> Result<Self> {
+        let mut recorder = Recorder::new(gpu, "calibration")?;
+        additions(gpu, &mut recorder)?;
+        let mut recording = recorder.finish()?;
+        recording.run()?;
+        Ok(Self(recording))
+    }
+
+    /// Milliseconds from submission to fence; the median of a few times.
+    ///
+    /// # Errors
+    /// [`Error::Lost`](crate::Error::Lost).
+    pub(super) fn run(&mut self) -> Result<f64> {
+        let mut times = Vec::with_capacity(TRIES);
+        for _ in 0..TRIES {
+            let started = Instant::now();
+            self.0.run()?;
+            times.push(started.elapsed().as_secs_f64() * 1e3);
+        }
+        Ok(Summary::new(&times).median)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a generated scene is made of, and the axes along which that varies.
 
-use crate::image::Extent;
+use crate::{image::Extent, random::Random};
 
 /// The most triangles that stand in one pair of buffers: as many as fit the smallest that a Vulkan device
 /// may call its largest.
@@ -68,6 +68,8 @@ pub struct Recipe {
     pub pipelines: u32,
     /// Draws take turns among so many materials, each with textures of its own.
     pub materials: u32,
+    /// What the random numbers of places, colours and textures start from.
+    pub seed: u64,
 }
 
 impl Recipe {
@@ -87,7 +89,13 @@ impl Recipe {
             draws: 1,
             pipelines: 1,
             materials: 1,
+            seed: 0,
         }
+    }
+
+    /// The random numbers of one `purpose`: others for each purpose and each seed.
+    pub(super) fn random(&self, purpose: u64) -> Random {
+        Random(purpose.wrapping_add(self.seed.wrapping_mul(0xd1b5_4a32_d192_ed03)))
     }
 
     /// Sets what `axis` varies.

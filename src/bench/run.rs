@@ -1,16 +1,18 @@
 //! One pass by both executors, compared and then timed.
 //!
 //! The pictures are compared first, by the rules of [`crate::compare`]: times of different pictures say
-//! nothing. Then both passes are prepared, warmed up, and executed in turns, one frame each, in one
-//! process: what disturbs the machine for longer than a frame disturbs both alike. A frame is timed by
-//! the host, from its submission until its fence has signalled and the result of its timestamps is
-//! there. Bringing the picture to the host is part of neither frame.
+//! nothing. Then both passes are prepared, warmed up, and executed in rounds, in one process. In each
+//! round both executors draw one frame, and they take turns in who begins: what disturbs the machine for
+//! longer than a frame disturbs both alike. A frame is timed by the host, from its submission until its
+//! fence has signalled and the result of its timestamps is there. Bringing the picture to the host is
+//! part of neither frame.
 //!
-//! Stages are timed in frames of their own, since each timestamp costs a barrier.
+//! Compute's stages are timed in frames of their own, since each timestamp costs a barrier.
 
 use super::{
     clock::process_cpu_ms,
     counts::Counts,
+    stages::{Stages, stages},
     statistics::{FEWEST, Ratio, Summary, Verdict},
 };
 use crate::{
@@ -19,20 +21,16 @@ use crate::{
     compute,
     error::Result,
     pass::Pass,
-    vk::{Gpu, Timings},
+    vk::Gpu,
 };
 use std::time::{Duration, Instant};
 
-/// Frames of each that are not counted: drivers compile kernels at their first use.
-const WARM_UP: usize = 2;
 /// Rounds after which nothing is gained.
-const MOST_ROUNDS: usize = 200;
+pub const MOST_ROUNDS: usize = 200;
 /// Rounds after which a ratio may be sure enough.
 const ENOUGH_ROUNDS: usize = 15;
 /// Width of the ratio's interval that is sure enough, relative to its lower end.
 const SURE: f64 = 0.01;
-/// Frames in which stages are timed.
-const STAGE_FRAMES: usize = 5;
 
 /// The two that compete. They keep their kernels and pipelines from pass to pass.
 pub struct Executors {
@@ -52,11 +50,27 @@ impl Executors {
     }
 }
 
+/// How a row is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// So many rounds. `None`: at least [`FEWEST`] and at most [`MOST_ROUNDS`], until the ratio is known
+    /// within a hundredth or `budget` has passed.
+    pub rounds: Option<usize>,
+    /// Frames that each executor draws before the first round: drivers compile kernels at their first use.
+    pub warm_up: usize,
+    /// How long the rounds of a row go on.
+    pub budget: Duration,
+    /// Whether frames are measured in which everything changes.
+    pub changing: bool,
+}
+
 /// What one executor took for a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Side {
     /// Milliseconds from submission to fence.
     pub frame: Summary,
+    /// The milliseconds of each round, in their order.
+    pub samples: Vec<f64>,
     /// Milliseconds by the device's own clock; `None` if it has none.
     pub device_ms: Option<f64>,
     /// Milliseconds of all the process's threads together, a driver's included; `None` where the
@@ -64,15 +78,22 @@ pub struct Side {
     pub cpu_ms: Option<f64>,
 }
 
-/// Device time of a stage.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StageTime {
-    /// The stage's label, without the shader.
-    pub stage: String,
-    /// Its dispatches in a frame.
-    pub dispatches: usize,
-    /// Milliseconds of all of them, the median over frames.
-    pub ms: f64,
+/// Rounds and what they come to.
+#[derive(Clone, Debug)]
+pub struct Rounds {
+    /// Compute's frames.
+    pub compute: Side,
+    /// Classic's frames.
+    pub classic: Side,
+    /// Classic time / compute time.
+    pub ratio: Option<Ratio>,
+}
+
+impl Rounds {
+    /// What the ratio comes to, if the pictures are equal and the machine was quiet.
+    pub fn verdict(&self) -> Verdict {
+        self.ratio.map_or(Verdict::Ambiguous, |ratio| Verdict::new(ratio.value, ratio.interval))
+    }
 }
 
 /// All that is known of a pass afterwards.
@@ -84,33 +105,27 @@ pub struct Measurement {
     pub difference: Difference,
     /// Whether they count as the same.
     pub images_equal: bool,
-    /// Rounds of one frame each.
-    pub rounds: usize,
-    /// Compute's frames.
-    pub compute: Side,
-    /// Classic's frames.
-    pub classic: Side,
+    /// Frames of a pass that stays as it is.
+    pub warm: Rounds,
+    /// Frames in which everything changes, if they were asked for.
+    pub changing: Option<Rounds>,
     /// Compute's stages.
-    pub stages: Vec<StageTime>,
-    /// Classic time / compute time.
-    pub ratio: Option<Ratio>,
-    /// What the ratio comes to.
-    pub verdict: Verdict,
+    pub stages: Stages,
 }
 
-/// Compares and times `pass`. Rounds go on for `budget`, or until the ratio is known within a hundredth;
-/// there are at least [`FEWEST`] and at most 200. `progress` hears the part that is done, from 0 to 1.
+/// Compares and times `pass`. `progress` hears the part that is done, from 0 to 1.
 ///
 /// # Errors
 /// Those of the executors.
 pub fn measure(
     executors: &mut Executors,
     pass: &Pass,
-    budget: Duration,
+    settings: &Settings,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Measurement> {
     // Comparing costs about as much as a few rounds.
     let compared = 0.3;
+    let warm_until = if settings.changing { 0.65 } else { 1.0 };
     let Executors { compute, classic } = executors;
     let both = Both::draw(compute, classic, pass, |done| {
         progress(compared * done as f64 / Both::STEPS as f64);
@@ -118,134 +133,138 @@ pub fn measure(
     let (difference, images_equal) = (both.difference, both.same());
     drop(both);
 
-    let mut by_compute = compute.prepare(pass)?;
-    let mut by_classic = classic.prepare(pass)?;
-    for _ in 0..WARM_UP {
-        by_compute.execute()?;
-        by_classic.execute()?;
+    let warm = {
+        let mut by_compute = compute.prepare(pass)?;
+        let mut by_classic = classic.prepare(pass)?;
+        rounds(
+            settings,
+            &mut || Frame::of(|| Ok(by_compute.execute()?.total_ns)),
+            &mut || Frame::of(|| by_classic.execute()),
+            &mut |part| progress(compared + (warm_until - compared) * part),
+        )?
+    };
+    let changing = match settings.changing {
+        true => Some(super::changing::rounds_of(executors, pass, settings, &mut |part| {
+            progress(warm_until + (1.0 - warm_until) * part);
+        })?),
+        false => None,
+    };
+    let stages = stages(&mut executors.compute, pass, warm.compute.frame.median)?;
+    let counts = Counts::new(pass)?;
+    Ok(Measurement { counts, difference, images_equal, warm, changing, stages })
+}
+
+/// Rounds of one frame by each of the two, which take turns in who begins.
+pub(super) fn rounds(
+    settings: &Settings,
+    compute: &mut dyn FnMut() -> Result<Frame>,
+    classic: &mut dyn FnMut() -> Result<Frame>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Rounds> {
+    for _ in 0..settings.warm_up {
+        compute()?;
+        classic()?;
     }
-    let (mut compute_frames, mut classic_frames) = (Frames::default(), Frames::default());
+    let (mut by_compute, mut by_classic) = (Vec::new(), Vec::new());
     let started = Instant::now();
-    let ratio = loop {
-        compute_frames.time(|| Ok(by_compute.execute()?.total_ns))?;
-        classic_frames.time(|| by_classic.execute())?;
-        let rounds: Vec<_> =
-            compute_frames.wall.iter().copied().zip(classic_frames.wall.iter().copied()).collect();
-        let ratio = Ratio::new(&rounds);
-        let used = started.elapsed().as_secs_f64() / budget.as_secs_f64().max(1e-9);
-        let by_rounds = rounds.len() as f64 / FEWEST as f64;
-        progress(compared + (1.0 - compared) * used.min(by_rounds).min(1.0));
-        let sure = |ratio: Ratio| ratio.interval.is_some_and(|[from, to]| to < from * (1.0 + SURE));
-        let enough = used >= 1.0 && rounds.len() >= FEWEST
-            || rounds.len() >= ENOUGH_ROUNDS && ratio.is_some_and(sure);
-        if enough || rounds.len() >= MOST_ROUNDS {
-            break ratio;
+    loop {
+        if by_compute.len() % 2 == 0 {
+            by_compute.push(compute()?);
+            by_classic.push(classic()?);
+        } else {
+            by_classic.push(classic()?);
+            by_compute.push(compute()?);
         }
-    };
-    // Two prepared passes at a time are enough.
-    drop((by_compute, by_classic));
-    let stages = stages(compute, pass)?;
-    let verdict = match ratio {
-        _ if !images_equal => Verdict::Invalid,
-        Some(ratio) => Verdict::new(ratio.value, ratio.interval),
-        None => Verdict::Ambiguous,
-    };
-    Ok(Measurement {
-        counts: Counts::new(pass)?,
-        difference,
-        images_equal,
-        rounds: compute_frames.wall.len(),
-        compute: compute_frames.summary(),
-        classic: classic_frames.summary(),
-        stages,
-        ratio,
-        verdict,
-    })
+        let of_both = by_compute.iter().zip(&by_classic);
+        let times: Vec<_> = of_both.map(|(compute, classic)| (compute.ms, classic.ms)).collect();
+        let ratio = Ratio::new(&times);
+        let done = match settings.rounds {
+            Some(rounds) => times.len() as f64 / rounds as f64,
+            None => done(times.len(), started.elapsed(), settings.budget, ratio),
+        };
+        progress(done.min(1.0));
+        if done >= 1.0 {
+            return Ok(Rounds { compute: side(&by_compute), classic: side(&by_classic), ratio });
+        }
+    }
 }
 
-/// Frames of one executor, in milliseconds each.
-#[derive(Default)]
-struct Frames {
-    wall: Vec<f64>,
-    device: Vec<f64>,
-    cpu: Vec<f64>,
+/// The part of the rounds that is done, 1 once there are enough.
+fn done(rounds: usize, elapsed: Duration, budget: Duration, ratio: Option<Ratio>) -> f64 {
+    let sure = |ratio: Ratio| ratio.interval.is_some_and(|[from, to]| to < from * (1.0 + SURE));
+    if rounds >= MOST_ROUNDS || rounds >= ENOUGH_ROUNDS && ratio.is_some_and(sure) {
+        return 1.0;
+    }
+    let used = elapsed.as_secs_f64() / budget.as_secs_f64().max(1e-9);
+    used.min(rounds as f64 / FEWEST as f64)
 }
 
-impl Frames {
-    /// Times one frame, which returns the device's nanoseconds.
-    fn time(&mut self, frame: impl FnOnce() -> Result<u64>) -> Result<()> {
+/// The times of one frame.
+pub(super) struct Frame {
+    ms: f64,
+    /// 0 if the device has no clock.
+    device_ns: u64,
+    cpu_ms: Option<f64>,
+}
+
+impl Frame {
+    /// Times `frame`, which returns the device's nanoseconds.
+    pub(super) fn of(frame: impl FnOnce() -> Result<u64>) -> Result<Self> {
         let cpu = process_cpu_ms();
         let started = Instant::now();
         let device_ns = frame()?;
-        self.wall.push(started.elapsed().as_secs_f64() * 1e3);
-        if let (Some(before), Some(after)) = (cpu, process_cpu_ms()) {
-            self.cpu.push((after - before).max(0.0));
-        }
-        if device_ns > 0 {
-            self.device.push(device_ns as f64 / 1e6);
-        }
-        Ok(())
-    }
-
-    fn summary(&self) -> Side {
-        let middle = |samples: &[f64]| (!samples.is_empty()).then(|| Summary::new(samples).median);
-        Side {
-            frame: Summary::new(&self.wall),
-            device_ms: middle(&self.device),
-            cpu_ms: middle(&self.cpu),
-        }
+        let ms = started.elapsed().as_secs_f64() * 1e3;
+        let cpu_ms = cpu.zip(process_cpu_ms()).map(|(before, after)| (after - before).max(0.0));
+        Ok(Self { ms, device_ns, cpu_ms })
     }
 }
 
-/// Times the stages of `pass`.
-fn stages(compute: &mut compute::Renderer, pass: &Pass) -> Result<Vec<StageTime>> {
-    compute.time_stages(true);
-    let prepared = compute.prepare(pass);
-    compute.time_stages(false);
-    let mut prepared = prepared?;
-    prepared.execute()?;
-    let frames = (0..STAGE_FRAMES)
-        .map(|_| prepared.execute().map(|timings| by_stage(&timings)))
-        .collect::<Result<Vec<_>>>()?;
-    let mut stages = frames.first().cloned().unwrap_or_default();
-    for (number, stage) in stages.iter_mut().enumerate() {
-        // A recording runs as it is: every frame has the same stages.
-        let times: Vec<f64> =
-            frames.iter().filter_map(|frame| Some(frame.get(number)?.ms)).collect();
-        stage.ms = Summary::new(&times).median;
+fn side(frames: &[Frame]) -> Side {
+    let middle = |samples: Vec<f64>| (!samples.is_empty()).then(|| Summary::new(&samples).median);
+    let samples: Vec<f64> = frames.iter().map(|frame| frame.ms).collect();
+    let device = frames.iter().filter(|frame| frame.device_ns > 0);
+    Side {
+        frame: Summary::new(&samples),
+        samples,
+        device_ms: middle(device.map(|frame| frame.device_ns as f64 / 1e6).collect()),
+        cpu_ms: middle(frames.iter().filter_map(|frame| frame.cpu_ms).collect()),
     }
-    Ok(stages)
-}
-
-/// Sums a frame's dispatches by stage, in the order of first appearance.
-fn by_stage(timings: &Timings) -> Vec<StageTime> {
-    let mut stages: Vec<StageTime> = Vec::new();
-    for (label, ns) in &timings.stages {
-        // A stage that runs a user's shader has the shader's name behind its own.
-        let name = label.split(' ').next().unwrap_or(label);
-        let ms = *ns as f64 / 1e6;
-        match stages.iter_mut().find(|stage| stage.stage == name) {
-            Some(stage) => {
-                stage.ms += ms;
-                stage.dispatches += 1;
-            }
-            None => stages.push(StageTime { stage: name.into(), dispatches: 1, ms }),
-        }
-    }
-    stages
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::cell::RefCell;
+
+    fn settings(rounds: Option<usize>, warm_up: usize) -> Settings {
+        Settings { rounds, warm_up, budget: Duration::ZERO, changing: false }
+    }
 
     #[test]
-    fn dispatches_are_summed_by_stage_whatever_the_shader() {
-        let stages =
-            [("clear", 1_000_000), ("vertex a.vert", 2_000_000), ("vertex b.vert", 500_000)];
-        let stages = stages.map(|(label, ns)| (label.to_string(), ns)).to_vec();
-        let of = |stage: &str, dispatches, ms| StageTime { stage: stage.into(), dispatches, ms };
-        let timings = Timings { total_ns: 0, stages };
-        assert_eq!(by_stage(&timings), [of("clear", 1, 1.0), of("vertex", 2, 2.5)]);
+    fn the_two_take_turns_in_who_begins() {
+        let order = RefCell::new(String::new());
+        let frame = |name| {
+            order.borrow_mut().push(name);
+            Ok(Frame { ms: 1.0, device_ns: 0, cpu_ms: None })
+        };
+        let found =
+            rounds(&settings(Some(3), 1), &mut || frame('k'), &mut || frame('c'), &mut |_| {});
+        let found = found.unwrap();
+        assert_eq!(*order.borrow(), "kc kc ck kc".replace(' ', ""));
+        assert_eq!((found.compute.samples.len(), found.classic.samples.len()), (3, 3));
+        assert_eq!((found.compute.device_ms, found.compute.cpu_ms), (None, None));
+    }
+
+    #[test]
+    fn without_a_number_there_are_rounds_enough_for_an_interval() {
+        let frame = || Ok(Frame { ms: 1.0, device_ns: 0, cpu_ms: None });
+        let found =
+            rounds(&settings(None, 0), &mut || frame(), &mut || frame(), &mut |_| {}).unwrap();
+        assert_eq!(found.compute.samples.len(), FEWEST);
+        let ratio = Ratio { value: 1.0, interval: Some([0.999, 1.001]) };
+        let second = Duration::from_secs(1);
+        assert!(done(ENOUGH_ROUNDS, Duration::ZERO, second, Some(ratio)) >= 1.0);
+        assert!(done(ENOUGH_ROUNDS - 1, Duration::ZERO, second, Some(ratio)) < 1.0);
+        assert!(done(MOST_ROUNDS, Duration::ZERO, second, None) >= 1.0);
     }
 }

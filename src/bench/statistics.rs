@@ -60,6 +60,8 @@ pub enum Verdict {
     Same,
     /// Anything else: more rounds or a quieter machine would tell.
     Ambiguous,
+    /// The machine was busy, so that the times say nothing sure.
+    Busy,
     /// The pictures differ, so that the times say nothing.
     Invalid,
 }
@@ -83,6 +85,7 @@ impl Verdict {
             Verdict::Slower => "SLOWER",
             Verdict::Same => "SAME",
             Verdict::Ambiguous => "AMBIGUOUS",
+            Verdict::Busy => "BUSY",
             Verdict::Invalid => "INVALID",
         }
     }
@@ -126,6 +129,14 @@ impl Ratio {
         let interval = interval(&mut quotients).map(|[a, b]| [a.min(value), b.max(value)]);
         value.is_finite().then_some(Self { value, interval })
     }
+}
+
+/// The range of the middle half of `samples` / their median; 0 of none.
+pub fn spread(samples: &[f64]) -> f64 {
+    let mut sorted = samples.to_vec();
+    let Some(middle) = median(&mut sorted).filter(|median| *median > 0.0) else { return 0.0 };
+    let quarter = sorted.len() / 4;
+    (sorted[sorted.len() - 1 - quarter] - sorted[quarter]) / middle
 }
 
 /// The geometric mean; `None` of none.
@@ -224,6 +235,15 @@ mod tests {
         assert!(to - from < 1e-9);
         let of_times = Summary::new(&rounds.iter().map(|r| r.0).collect::<Vec<_>>());
         assert!(of_times.interval.unwrap()[1] > 1.2 * of_times.interval.unwrap()[0]);
+    }
+
+    #[test]
+    fn the_spread_is_that_of_the_middle_half() {
+        assert_eq!(spread(&[]), 0.0);
+        assert_eq!(spread(&[5.0]), 0.0);
+        // One wild sample in eight does not count; half of them do.
+        assert_eq!(spread(&[2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 99.0]), 0.0);
+        assert_eq!(spread(&[1.0, 3.0, 1.0, 3.0, 2.0]), 1.0);
     }
 
     #[test]

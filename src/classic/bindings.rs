@@ -4,7 +4,7 @@ use super::{layout::descriptor_type, pipeline::Compiled};
 use crate::{
     error::Result,
     pass::{self, Binding, BindingSet, BufferRange},
-    shader::{Resource, ResourceKind},
+    shader::Resource,
     vk::{Buffer, Commands, Gpu, Memory, Recorder, Resources},
 };
 use ash::vk;
@@ -138,33 +138,31 @@ impl Bindings {
     ) -> Result<Written> {
         let image_info = vk::DescriptorImageInfo::default();
         Ok(match binding {
-            Binding::Uniform(range) | Binding::Storage(range) => {
+            Binding::Uniform(range) => {
+                // A uniform block is bound as long as it is: ranges of uniforms are limited, and a
+                // pass may bind more than the block has, or less.
+                let bytes = resource.bytes.max(1);
+                let block = resources.block(range, bytes as usize)?;
+                commands.keep(block.raw().clone());
+                buffer_info(&block, block.offset(), bytes.into())
+            }
+            Binding::Storage(range) => {
                 let buffer = match self.copies.get(&Arc::as_ptr(&range.buffer)) {
-                    Some(copy) if resource.kind == ResourceKind::Storage => copy.clone(),
-                    _ => resources.buffer(&range.buffer)?,
+                    Some(copy) => copy.clone(),
+                    None => resources.buffer(&range.buffer)?,
                 };
                 commands.keep(buffer.raw().clone());
-                // A uniform block is bound as long as it is: ranges of uniforms are limited, and a
-                // pass may bind more than the block has.
-                let uniform = resource.kind == ResourceKind::Uniform;
-                let block = resource.bytes.max(1) as usize;
-                let bytes = if uniform { block } else { range.bytes };
-                let limit = gpu.limits().storage_range_bytes;
-                if !uniform && bytes as u64 > limit {
+                let (bytes, limit) = (range.bytes as u64, gpu.limits().storage_range_bytes);
+                if bytes > limit {
                     return Err(crate::Error::Capacity {
                         what: format!("storage block in buffer `{}`", range.buffer.label),
-                        wanted: bytes as u64,
+                        wanted: bytes,
                         limit_of: format!("one binding on {}", gpu.info().name),
                         limit,
                         advice: "bind a smaller range".into(),
                     });
                 }
-                Written::Buffer(
-                    vk::DescriptorBufferInfo::default()
-                        .buffer(buffer.raw().handle)
-                        .offset(range.offset as u64)
-                        .range(bytes as u64),
-                )
+                buffer_info(&buffer, range.offset as u64, bytes)
             }
             Binding::Sampled(texture, state) => {
                 let image = resources.texture(texture)?;
@@ -188,4 +186,9 @@ impl Bindings {
             }
         })
     }
+}
+
+fn buffer_info(buffer: &Buffer<u8>, offset: u64, bytes: u64) -> Written {
+    let info = vk::DescriptorBufferInfo::default().buffer(buffer.raw().handle);
+    Written::Buffer(info.offset(offset).range(bytes))
 }

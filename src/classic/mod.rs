@@ -22,24 +22,23 @@ pub use prepared::Prepared;
 
 use crate::{
     error::{Error, Result},
-    pass::{Executor, Frame, Pass, Pipeline},
-    vk::{Gpu, Resources},
+    kept::Kept,
+    pass::{Executor, Frame, IndexRanges, Pass},
+    vk::{Cached, Gpu, Resources},
 };
-use pipeline::{Compiled, Variant};
-use std::{collections::HashMap, sync::Arc};
+use pipeline::{Compiled, Key, Variant};
+use std::sync::Arc;
 
-/// Executes passes by `vkCmdDraw`. Uploads and pipelines are kept for the next pass that uses them.
+/// Executes passes by `vkCmdDraw`.
+///
+/// Pipelines are known by their content and stay while a prepared pass holds them, and otherwise until 64
+/// passes in a row have not used them. Uploads stay as long as somebody holds the buffer or texture.
 pub struct Renderer {
     gpu: Gpu,
     resources: Resources,
-    pipelines: HashMap<(*const Pipeline, Variant), Held>,
+    ranges: IndexRanges,
+    pipelines: Kept<Key, Arc<Compiled>>,
 }
-
-/// The pipeline is held, so that its address is not reused while it is a key.
-type Held = (Arc<Pipeline>, Arc<Compiled>);
-
-// SAFETY: the pointers are keys only; what they point to is held by the `Arc` beside them.
-unsafe impl Send for Renderer {}
 
 impl Renderer {
     /// A renderer without anything uploaded.
@@ -54,7 +53,22 @@ impl Renderer {
                 gpu.info().name
             )));
         }
-        Ok(Self { gpu: gpu.clone(), resources: Resources::new(gpu), pipelines: HashMap::new() })
+        Ok(Self {
+            gpu: gpu.clone(),
+            resources: Resources::new(gpu),
+            ranges: IndexRanges::default(),
+            pipelines: Kept::default(),
+        })
+    }
+
+    /// What is kept for the passes to come.
+    pub fn cached(&self) -> Cached {
+        Cached {
+            pipelines: self.pipelines.len(),
+            pipelines_made: self.pipelines.made(),
+            tables: 0,
+            ..self.resources.cached()
+        }
     }
 
     /// Checks `pass`, uploads what is new in it, compiles its pipelines and records its draws.
@@ -62,24 +76,38 @@ impl Renderer {
     /// # Errors
     /// [`Error::Usage`] if the pass contradicts itself, [`Error::Capacity`] if it does not fit.
     pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
-        pass.validate()?;
+        pass.check(&mut self.ranges)?;
+        let compiled = self.compiled(pass)?;
+        Prepared::new(&self.gpu, &mut self.resources, pass, &compiled)
+    }
+
+    /// Records the draws of `pass` anew into `prepared`, which keeps its targets: what a program does in
+    /// each frame. The pass is not validated, since such a program would not pay for it either: it must
+    /// be valid and have the extent and the formats of the pass that was prepared.
+    #[cfg(feature = "glsl")]
+    pub(crate) fn record_again(&mut self, prepared: &mut Prepared, pass: &Pass) -> Result<()> {
+        let compiled = self.compiled(pass)?;
+        prepared.record(&self.gpu, &mut self.resources, pass, &compiled)
+    }
+
+    /// The pipelines of `pass`; what no pass uses any more is forgotten.
+    fn compiled(&mut self, pass: &Pass) -> Result<Vec<Arc<Compiled>>> {
         self.resources.trim();
-        self.pipelines.retain(|_, (held, _)| Arc::strong_count(held) > 1);
+        self.pipelines.next_pass(|compiled| Arc::strong_count(compiled) > 1);
         let mut compiled = Vec::with_capacity(pass.pipelines.len());
-        for (n, pipeline) in pass.pipelines.iter().enumerate() {
-            let variant = Variant::new(pass, n)?;
-            let key = (Arc::as_ptr(pipeline), variant);
+        for (pipeline, variant) in pass.pipelines.iter().zip(Variant::all(pass)?) {
+            let key = Key(pipeline.clone(), variant);
             let found = match self.pipelines.get(&key) {
-                Some((_, found)) => found.clone(),
+                Some(found) => found.clone(),
                 None => {
                     let new = Arc::new(Compiled::new(&self.gpu, pipeline, &key.1)?);
-                    self.pipelines.insert(key, (pipeline.clone(), new.clone()));
+                    self.pipelines.insert(key, new.clone());
                     new
                 }
             };
             compiled.push(found);
         }
-        Prepared::new(&self.gpu, &mut self.resources, pass, &compiled)
+        Ok(compiled)
     }
 }
 

@@ -10,6 +10,10 @@ use crate::{
     vk::{Gpu, missing_feature, vk_format},
 };
 use ash::vk;
+use std::{
+    hash::{Hash, Hasher},
+    sync::Arc,
+};
 
 /// What a compiled pipeline depends on beside its [`Pipeline`].
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -21,19 +25,74 @@ pub(super) struct Variant {
 }
 
 impl Variant {
-    /// The variant that `pass` needs of its pipeline `n`. The pass was validated.
-    pub fn new(pass: &Pass, n: usize) -> Result<Self> {
-        let mut resources = pass.pipelines[n].resources()?;
-        for resource in resources.iter_mut().filter(|r| r.count == 0) {
-            let bound = pass
-                .draws
-                .iter()
-                .filter(|d| d.pipeline == n)
-                .filter_map(|d| d.sets.get(resource.set as usize))
-                .flat_map(|s| s.entries.iter().filter(|e| e.binding == resource.binding));
-            resource.count = bound.map(|e| e.resources.len()).max().unwrap_or(1).max(1) as u32;
+    /// The variants that `pass` needs of its pipelines, in their order. The pass was validated.
+    pub fn all(pass: &Pass) -> Result<Vec<Self>> {
+        let variant = |pipeline: &Arc<Pipeline>| {
+            let resources = pipeline.resources()?;
+            Ok(Self { color: pass.color.format, depth: pass.depth.is_some(), resources })
+        };
+        let mut all: Vec<Self> = pass.pipelines.iter().map(variant).collect::<Result<_>>()?;
+        // The run-time arrays of each pipeline, with the length that is bound to them.
+        let mut open: Vec<Vec<(usize, u32)>> = all.iter().map(|v| v.run_time_arrays()).collect();
+        for draw in &pass.draws {
+            for (n, length) in &mut open[draw.pipeline] {
+                let Resource { set, binding, .. } = all[draw.pipeline].resources[*n];
+                let bound = draw.sets.get(set as usize);
+                let entry = bound.and_then(|s| s.entries.iter().find(|e| e.binding == binding));
+                *length = entry.map_or(0, |e| e.resources.len() as u32).max(*length);
+            }
         }
-        Ok(Self { color: pass.color.format, depth: pass.depth.is_some(), resources })
+        for (variant, arrays) in all.iter_mut().zip(open) {
+            for (n, length) in arrays {
+                variant.resources[n].count = length;
+            }
+        }
+        Ok(all)
+    }
+
+    /// The numbers of the resources that are run-time arrays, with the least length of one.
+    fn run_time_arrays(&self) -> Vec<(usize, u32)> {
+        let resources = self.resources.iter().enumerate();
+        resources.filter(|(_, r)| r.count == 0).map(|(n, _)| (n, 1)).collect()
+    }
+}
+
+/// What a compiled pipeline is made of. Equal content makes equal keys, whatever it is called and however
+/// often it is wrapped anew.
+pub(super) struct Key(pub Arc<Pipeline>, pub Variant);
+
+impl Key {
+    fn content(&self) -> impl Eq + Hash + '_ {
+        let Pipeline {
+            label: _,
+            vertex,
+            fragment,
+            specialization,
+            vertex_bindings,
+            vertex_attributes,
+            topology,
+            cull,
+            front_face,
+            depth,
+            blend,
+        } = &*self.0;
+        let state = (topology, cull, front_face, depth, blend);
+        let vertices = (vertex_bindings, vertex_attributes);
+        (vertex, fragment, specialization, vertices, state, &self.1)
+    }
+}
+
+impl PartialEq for Key {
+    fn eq(&self, other: &Self) -> bool {
+        self.content() == other.content()
+    }
+}
+
+impl Eq for Key {}
+
+impl Hash for Key {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.content().hash(state);
     }
 }
 

@@ -40,11 +40,21 @@ impl Prepared {
             Some(_) => Some(Target::new(gpu, pass.extent, Format::D32Float, "depth target")?),
             None => None,
         };
-        let mut recorder = Recorder::new(gpu, &pass.label)?;
-        record_draws(gpu, resources, &mut recorder, pass, compiled, &color, depth.as_ref())?;
-        resources.flush()?;
-        let draws = recorder.finish()?;
+        let draws = recorded(gpu, resources, pass, compiled, &color, depth.as_ref())?;
         Ok(Self { draws, color, depth, extent: pass.extent })
+    }
+
+    /// Replaces the draws by those of `pass`, whose targets are those that are here.
+    #[cfg(feature = "glsl")]
+    pub(super) fn record(
+        &mut self,
+        gpu: &Gpu,
+        resources: &mut Resources,
+        pass: &Pass,
+        compiled: &[Arc<Compiled>],
+    ) -> Result<()> {
+        self.draws = recorded(gpu, resources, pass, compiled, &self.color, self.depth.as_ref())?;
+        Ok(())
     }
 
     /// Clears and draws everything; returns the device's time for it in nanoseconds (0 if it has no
@@ -123,6 +133,21 @@ impl Target {
             .store_op(vk::AttachmentStoreOp::STORE)
             .clear_value(clear)
     }
+}
+
+/// The draws of `pass`, recorded; their uploads are done.
+fn recorded(
+    gpu: &Gpu,
+    resources: &mut Resources,
+    pass: &Pass,
+    compiled: &[Arc<Compiled>],
+    color: &Target,
+    depth: Option<&Target>,
+) -> Result<Recording> {
+    let mut recorder = Recorder::new(gpu, &pass.label)?;
+    record_draws(gpu, resources, &mut recorder, pass, compiled, color, depth)?;
+    resources.flush()?;
+    recorder.finish()
 }
 
 fn record_draws(

@@ -3,9 +3,12 @@
 //! Nothing here decides anything: values are parsed one by one, each with a message that says what
 //! is expected. What they mean together is the second layer's business ([`super::plan`]).
 
+mod bench;
+
 use crate::{image::Extent, scene::Scene, vk::GpuOptions};
+pub use bench::{BenchArgs, BenchCompareArgs, BenchShowArgs, BenchVerb};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use std::{path::PathBuf, time::Duration};
+use std::{ffi::OsString, path::PathBuf, time::Duration};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -18,6 +21,9 @@ use std::{path::PathBuf, time::Duration};
 pub struct Typed {
     #[command(subcommand)]
     pub verb: Verb,
+    /// Show no progress and no notes; warnings and errors stay
+    #[arg(short, long, global = true, display_order = 900)]
+    pub quiet: bool,
 }
 
 const AFTER_HELP: &str = "\
@@ -26,7 +32,7 @@ Exit codes:
   1  the pictures differ, or a shader is refused
   2  the command line makes no sense
   3  no suitable device
-  4  a file cannot be read or written
+  4  a file cannot be read or written, or standard output is closed
   5  the device was lost or did not answer in time
   6  something does not fit into memory or into a limit
 
@@ -48,6 +54,7 @@ pub enum Verb {
 Examples:
   tilewright render scene.glb -o out.png
   tilewright render builtin:teapot --size 640x480 --background 00000000 -o - > teapot.png
+  tilewright render scene.glb --no-metadata -o plain.png
   tilewright render room.obj --eye=-10,3,0 --target 0,4,0 --fov 60 --stats room.json -o room.png")]
     Render(RenderArgs),
     /// Draw a scene with compute kernels and with the device's own pipeline, and compare
@@ -66,21 +73,7 @@ Examples:
     #[command(
         args_conflicts_with_subcommands = true,
         disable_help_subcommand = true,
-        after_help = "\
-Without scenes, all named ones are drawn. Each row is one scene at one size: the
-pictures are compared, then both draw in turns. RATIO is classic time / compute
-time, so that more than 1 is faster. A verdict is FASTER or SLOWER if the whole
-95 % interval of the ratio is on one side of 1 and the ratio is off by more than
-2 %, SAME if the interval is within 2 % of 1, INVALID if the pictures differ,
-AMBIGUOUS otherwise. Options for the camera are for files and built-in scenes.
-
-Examples:
-  tilewright bench
-  tilewright bench large small-1m scene.glb builtin:still-life --size 1920x1080 --size 512x512
-  tilewright bench --axis area=0.25,1,16,full --axis depth=1,8 --json > area.json
-  tilewright bench --report report.html --budget 600
-  tilewright bench compare before.json after.json
-  tilewright bench --list"
+        after_help = bench::AFTER_HELP
     )]
     Bench(BenchArgs),
     /// Check whether shaders can be drawn with
@@ -102,6 +95,21 @@ Example:
 Example:
   tilewright doctor")]
     Doctor(JsonArgs),
+    /// Print the completions for a shell
+    #[command(after_help = "\
+Examples:
+  tilewright completions bash > ~/.local/share/bash-completion/completions/tilewright
+  tilewright completions zsh > \"${fpath[1]}/_tilewright\"
+  tilewright completions fish > ~/.config/fish/completions/tilewright.fish")]
+    Completions(CompletionsArgs),
+    /// Print a page of the manual
+    #[command(after_help = "\
+The page is in the format of man(1). Without a verb it is the page of the tool.
+
+Examples:
+  tilewright man | man -l -
+  tilewright man bench > tilewright-bench.1")]
+    Man(ManArgs),
 }
 
 #[derive(Debug, Args)]
@@ -137,69 +145,6 @@ pub struct ParityArgs {
 }
 
 #[derive(Debug, Args)]
-pub struct BenchArgs {
-    #[command(subcommand)]
-    pub verb: Option<BenchVerb>,
-    /// Named scenes (--list), .gltf, .glb and .obj files, `builtin:NAME` [default: all named scenes
-    /// but `sheet`, which is what axes vary: with --axis, that one]
-    #[arg(value_name = "SCENE")]
-    pub scenes: Vec<String>,
-    /// Pixels across and down; can be given several times [default: 1920x1080]
-    #[arg(long, value_name = "WxH", value_parser = parse_size, allow_hyphen_values = true)]
-    pub size: Vec<Extent>,
-    /// Vary generated scenes along an axis (--list); several make every combination
-    #[arg(long, value_name = "NAME=A,B,C")]
-    pub axis: Vec<String>,
-    /// Seconds that the whole run may take, about; what does not fit is left out and listed
-    #[arg(long, value_name = "SECONDS", value_parser = parse_budget)]
-    pub budget: Option<f32>,
-    /// List scenes and axes
-    #[arg(long, conflicts_with_all = ["scenes", "size", "axis", "budget"])]
-    pub list: bool,
-    /// Leave out the first frames and the memory, which take processes of their own
-    #[arg(long)]
-    pub warm_only: bool,
-    /// Be such a process
-    #[arg(long, value_enum, hide = true, conflicts_with_all = ["list", "csv", "budget"])]
-    pub alone: Option<Backend>,
-    /// Print JSON instead of a table
-    #[arg(long, conflicts_with = "csv")]
-    pub json: bool,
-    /// Print comma-separated values instead of a table
-    #[arg(long)]
-    pub csv: bool,
-    /// Write a page with tables, bars and curves; without scenes, the crossover is measured too
-    #[arg(long, value_name = "FILE.html")]
-    pub report: Option<PathBuf>,
-    #[command(flatten)]
-    pub view: ViewArgs,
-    #[command(flatten)]
-    pub device: DeviceArgs,
-}
-
-#[derive(Debug, Subcommand)]
-pub enum BenchVerb {
-    /// Compare two results of --json
-    #[command(after_help = "\
-Example:
-  tilewright bench compare before.json after.json")]
-    Compare(BenchCompareArgs),
-}
-
-#[derive(Debug, Args)]
-pub struct BenchCompareArgs {
-    /// The earlier results
-    #[arg(value_name = "A.json")]
-    pub before: PathBuf,
-    /// The later results
-    #[arg(value_name = "B.json")]
-    pub after: PathBuf,
-    /// Print JSON instead of a table
-    #[arg(long)]
-    pub json: bool,
-}
-
-#[derive(Debug, Args)]
 pub struct ConformArgs {
     #[command(subcommand)]
     pub subject: ConformSubject,
@@ -230,6 +175,19 @@ pub struct ConformShadersArgs {
 }
 
 #[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// The shell
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Debug, Args)]
+pub struct ManArgs {
+    /// The verb whose page is printed, and its own verb if it has one, like `bench compare`
+    #[arg(value_name = "VERB", num_args = 0..=2)]
+    pub verbs: Vec<String>,
+}
+
+#[derive(Debug, Args)]
 pub struct JsonArgs {
     /// Print JSON instead of text
     #[arg(long)]
@@ -245,10 +203,13 @@ fn scene_help() -> String {
 #[derive(Debug, Args)]
 pub struct SceneArgs {
     #[arg(value_name = "SCENE", help = scene_help())]
-    pub scene: String,
+    pub scene: OsString,
     /// Pixels across and down, each 1 to 16384
     #[arg(long, value_name = "WxH", default_value = "1920x1080", value_parser = parse_size, allow_hyphen_values = true)]
     pub size: Extent,
+    /// Write PNG files that do not say which tool, device and scene they come from
+    #[arg(long)]
+    pub no_metadata: bool,
     #[command(flatten)]
     pub view: ViewArgs,
 }
@@ -371,13 +332,6 @@ fn parse_timeout(text: &str) -> Result<Seconds, String> {
         .filter(|time| !time.is_zero())
         .map(Seconds)
         .ok_or_else(|| "expected seconds, more than 0, like 600".into())
-}
-
-fn parse_budget(text: &str) -> Result<f32, String> {
-    parse_finite(text)
-        .map(|seconds| seconds as f32)
-        .filter(|&seconds| seconds > 0.0 && seconds.is_finite())
-        .ok_or_else(|| "expected seconds, more than 0, like 60".into())
 }
 
 fn parse_finite(text: &str) -> Option<f64> {

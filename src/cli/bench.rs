@@ -2,20 +2,24 @@
 
 mod alone;
 mod cases;
+mod interrupt;
+mod results;
 
 use super::{
-    args::{BenchArgs, BenchCompareArgs, BenchVerb},
+    args::{BenchArgs, BenchCompareArgs, BenchShowArgs, BenchVerb},
     device,
     exit::Outcome,
     output::{Output, write_json, write_stdout},
     talk,
 };
 use crate::{
-    bench::{self, Axis, Executors, Rates},
+    bench::{self, Axis, Executors, Rates, Settings, Watch},
     error::{Error, Result},
+    vk::Gpu,
 };
-use cases::cases;
-use serde_json::{Value, json};
+use cases::{Case, cases};
+use results::{Format, Results};
+use serde_json::Value;
 use std::{
     fmt::Write,
     path::Path,
@@ -33,103 +37,148 @@ const STEPS: u64 = 100;
 /// Those of the scenes and of the executors, the first of them after the results of all other rows were
 /// printed; [`Error::Device`] if the device has no pipeline of its own to compare with.
 pub fn run(args: &BenchArgs) -> Result<Outcome> {
-    if let Some(BenchVerb::Compare(args)) = &args.verb {
-        return compare(args);
+    match &args.verb {
+        Some(BenchVerb::Compare(args)) => return compare(args),
+        Some(BenchVerb::Show(args)) => return show(args),
+        None => {}
     }
     if args.list {
         return write_stdout(list().as_bytes()).map(|()| Outcome::Done);
     }
     let cases = cases(args)?;
-    let report = args.report.as_deref().map(Output::new).transpose()?;
+    let report = args.report.as_deref().map(page).transpose()?;
     if let Some(report) = &report {
-        if report.is_stdout() {
-            return Err(Error::Usage(
-                "the results go to standard output, --report needs a file".into(),
-            ));
-        }
         cases.iter().try_for_each(|case| case.keep_from(report))?;
     }
     let gpu = device::open(&args.device)?;
     device::require_graphics(&gpu)?;
-    if let (Some(backend), Some(case)) = (args.alone, cases.first()) {
+    if let (Some(backend), Some(case)) = (alone::executor(), cases.first()) {
         return alone::be(&gpu, backend, &case.pass()?);
     }
-    let rates = Rates::measure(&gpu)?;
-    let mut executors = Executors::new(&gpu)?;
-
-    let started = Instant::now();
-    let bar = talk::progress("measuring", cases.len() as u64 * STEPS);
-    // The processes of a row take about as long as its rounds.
-    let in_here = if args.warm_only { 1.0 } else { 0.5 };
-    let (mut rows, mut skipped, mut failed) = (Vec::new(), Vec::new(), None);
-    for (number, case) in cases.iter().enumerate() {
-        let label = &case.label;
-        let before = number as u64 * STEPS;
-        bar.say(label.name());
-        bar.done(before);
-        let mut skip = |reason: String| {
-            let (name, size) = (label.name(), label.extent.to_string());
-            skipped.push(json!({ "name": name, "size": size, "reason": reason }));
-        };
-        if matches!(failed, Some(Error::Lost(_))) {
-            skip("the device was lost before".into());
-            continue;
-        }
-        let left = args.budget.map(|budget| f64::from(budget) - started.elapsed().as_secs_f64());
-        if left.is_some_and(|left| left <= 0.0) && number > 0 {
-            skip("the time that --budget allows was used up".into());
-            continue;
-        }
-        let share = left.map_or(ROW_SECONDS, |left| left / (cases.len() - number) as f64);
-        let row_budget = Duration::from_secs_f64(share.clamp(0.0, ROW_SECONDS));
-        let measured = case.pass().and_then(|pass| {
-            bench::measure(&mut executors, &pass, row_budget, &mut |part| {
-                bar.done(before + (part * in_here * STEPS as f64) as u64);
-            })
-        });
-        match measured {
-            Ok(measured) => {
-                let mut row = bench::row(label, &measured);
-                if case.alone && !args.warm_only {
-                    alone::add_to(&mut row, case, args, gpu.info());
-                }
-                rows.push(row);
-            }
-            // The rows that were measured are no worse for it.
-            Err(error) => {
-                skip(error.to_string());
-                failed.get_or_insert(error);
-            }
-        }
+    if let Some(busy) = bench::busy_already() {
+        talk::line(format_args!("warning: {busy}"));
     }
-    drop(bar);
-    let document = bench::document(bench::environment(gpu.info(), rates), rows, skipped);
-    if args.json {
-        write_json(&document)?;
-    } else if args.csv {
-        write_stdout(bench::csv(&document).as_bytes())?;
-    } else {
-        write_stdout(bench::table(&document).as_bytes())?;
-    }
-    if let Some(report) = &report {
-        report.write(bench::report(&document).as_bytes())?;
-    }
+    let environment = bench::environment(gpu.info(), Rates::measure(&gpu)?);
+    let settings = settings(args, ROW_SECONDS);
+    let settings = bench::settings(&settings, args.seed, args.budget, cases.len());
+    let format = match (args.json, args.csv) {
+        (true, _) => Format::Json,
+        (_, true) => Format::Csv,
+        _ => Format::Table,
+    };
+    interrupt::watch(Results::begin(format, report, environment, settings, &cases)?)?;
+    let failed = rows(args, &gpu, &cases)?;
+    let invalid = interrupt::with(Results::finish)?;
     match failed {
-        _ if bench::any_invalid(&document) => Ok(Outcome::Differ),
+        _ if invalid => Ok(Outcome::Differ),
         Some(error) => Err(error),
         None => Ok(Outcome::Done),
     }
 }
 
+fn settings(args: &BenchArgs, seconds: f64) -> Settings {
+    Settings {
+        rounds: args.rounds.map(|rounds| rounds as usize),
+        warm_up: args.warm_up as usize,
+        budget: Duration::from_secs_f64(seconds),
+        changing: !args.warm_only,
+    }
+}
+
+/// Measures the cases one by one and hands each row on. Returns the first fault of a case: the rows that
+/// were measured are no worse for it.
+fn rows(args: &BenchArgs, gpu: &Gpu, cases: &[Case]) -> Result<Option<Error>> {
+    let mut executors = Executors::new(gpu)?;
+    let mut watch = Watch::new(gpu)?;
+    let started = Instant::now();
+    let bar = talk::progress("measuring", cases.len() as u64 * STEPS);
+    // The processes of a row take about as long as its rounds.
+    let in_here = if args.warm_only { 1.0 } else { 0.5 };
+    let mut failed = None;
+    for (number, case) in cases.iter().enumerate() {
+        let label = &case.label;
+        let before = number as u64 * STEPS;
+        bar.say(label.name());
+        bar.done(before);
+        let skip = |reason: &str| interrupt::with(|results| results.skip(label, reason));
+        if matches!(failed, Some(Error::Lost(_))) {
+            skip("the device was lost before")?;
+            continue;
+        }
+        let left = args.budget.map(|budget| f64::from(budget) - started.elapsed().as_secs_f64());
+        if left.is_some_and(|left| left <= 0.0) && number > 0 {
+            skip("the time that --budget allows was used up")?;
+            continue;
+        }
+        let share = left.map_or(ROW_SECONDS, |left| left / (cases.len() - number) as f64);
+        let mut settings = settings(args, share.clamp(0.0, ROW_SECONDS));
+        settings.changing &= case.alone;
+        let measured = case.pass().and_then(|pass| {
+            watch.start()?;
+            let measured = bench::measure(&mut executors, &pass, &settings, &mut |part| {
+                bar.done(before + (part * in_here * STEPS as f64) as u64);
+            })?;
+            let quiet = watch.end(&measured)?;
+            Ok(bench::row(label, &measured, &quiet))
+        });
+        match measured {
+            Ok(mut row) => {
+                if case.alone && !args.warm_only {
+                    alone::add_to(&mut row, case, args, gpu.info());
+                }
+                interrupt::with(|results| results.row(row))?;
+            }
+            Err(error) => {
+                skip(&error.to_string())?;
+                failed.get_or_insert(error);
+            }
+        }
+    }
+    Ok(failed)
+}
+
+/// Where a page goes: never to standard output, where the results go.
+fn page(path: &Path) -> Result<Output> {
+    let page = Output::new(path)?;
+    match page.is_stdout() {
+        true => {
+            Err(Error::Usage("the results go to standard output, --report needs a file".into()))
+        }
+        false => Ok(page),
+    }
+}
+
+/// Results of a file.
+fn read(path: &Path) -> Result<Value> {
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, e))?;
+    // A file that was cut may end within a character.
+    bench::read(&String::from_utf8_lossy(&bytes)).map_err(|reason| Error::input(path, reason))
+}
+
+/// Prints results again.
+fn show(args: &BenchShowArgs) -> Result<Outcome> {
+    let report = args.report.as_deref().map(page).transpose()?;
+    if report.as_ref().is_some_and(|report| report.replaces(&args.results)) {
+        return Err(Error::Usage("--report would replace the results themselves".into()));
+    }
+    let document = read(&args.results)?;
+    let text = match args.csv {
+        true => {
+            let rows = document["rows"].as_array().into_iter().flatten().map(bench::csv_line);
+            std::iter::once(bench::csv_header()).chain(rows).collect()
+        }
+        false => bench::table(&document),
+    };
+    write_stdout(text.as_bytes())?;
+    if let Some(report) = report {
+        report.write(bench::report(&document).as_bytes())?;
+    }
+    Ok(Outcome::Done)
+}
+
 /// Prints what changed between two results. It is no failure if something became slower: whoever asks
 /// reads the verdicts.
 fn compare(args: &BenchCompareArgs) -> Result<Outcome> {
-    let read = |path: &Path| -> Result<Value> {
-        let text = std::fs::read(path).map_err(|e| Error::input(path, e))?;
-        let document = serde_json::from_slice(&text).map_err(|e| Error::input(path, e))?;
-        bench::check(&document).map_err(|reason| Error::input(path, reason))?;
-        Ok(document)
-    };
     let diff = bench::diff(&read(&args.before)?, &read(&args.after)?);
     if args.json {
         write_json(&diff)?;

@@ -23,7 +23,7 @@ pub fn open(args: &DeviceArgs) -> Result<Gpu> {
     let device = args.device.clone().filter(|selector| !selector.is_empty());
     let timeout = args.timeout.0;
     let gpu = Gpu::open(&GpuOptions { device, require, timeout, ..GpuOptions::default() })?;
-    talk::line(format_args!("device: {}", gpu.info()));
+    talk::note(format_args!("device: {}", gpu.info()));
     Ok(gpu)
 }
 

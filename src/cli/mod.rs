@@ -5,6 +5,7 @@
 //! | `args` | what was typed: flags, their values, the help |
 //! | `plan` | what will be done: every check that needs no device, before any work |
 //! | `render`, `parity`, `bench`, `conform`, `devices`, `doctor` | the verbs |
+//! | `generated` | completions for shells and the manual, from the definitions in `args` |
 //! | `device` | opening the device that was asked for, and saying which one it is |
 //! | `output` | files that appear whole or not at all; standard output |
 //! | `talk` | all that is said on standard error |
@@ -20,6 +21,7 @@ mod device;
 mod devices;
 mod doctor;
 mod exit;
+mod generated;
 mod output;
 mod parity;
 mod picture;
@@ -32,18 +34,23 @@ use crate::error::Result;
 use args::{ConformArgs, ConformSubject, Typed, Verb};
 use clap::Parser;
 use exit::Outcome;
-use std::process::ExitCode;
+use std::{io::Write, process::ExitCode};
 
 /// Runs the tool on the process's arguments.
 pub fn run() -> ExitCode {
     talk::install();
     // The hook has said what happened; unwinding ends here, so that nothing else is printed.
     std::panic::catch_unwind(|| match Typed::try_parse() {
-        Ok(typed) => finish(dispatch(typed.verb)),
+        Ok(typed) => {
+            talk::set_quiet(typed.quiet);
+            finish(dispatch(typed.verb))
+        }
         Err(message) => {
-            // Help goes to standard output, a fault to standard error; neither can fail the run.
-            let _ = message.print();
-            ExitCode::from(if message.use_stderr() { exit::USAGE } else { 0 })
+            let printed = message.print().and_then(|()| std::io::stdout().flush());
+            match message.use_stderr() {
+                true => ExitCode::from(exit::USAGE),
+                false => finish(output::printed(printed).map(|()| Outcome::Done)),
+            }
         }
     })
     .unwrap_or(ExitCode::from(exit::INTERNAL))
@@ -59,6 +66,8 @@ fn dispatch(verb: Verb) -> Result<Outcome> {
         }
         Verb::Devices(args) => devices::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
+        Verb::Completions(args) => generated::completions(&args),
+        Verb::Man(args) => generated::man(&args),
     }
 }
 

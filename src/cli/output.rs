@@ -5,13 +5,19 @@
 //! the target, which is then renamed over it, so that a reader never sees half a picture and a
 //! failed run leaves the old one as it was.
 
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    vk::stdout_was_closed,
+};
 use std::{
     fs,
     io::{self, IsTerminal, Write},
     path::{Path, PathBuf},
 };
 use tempfile::NamedTempFile;
+
+/// The names of standard output.
+const STDOUT: [&str; 4] = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
 
 /// A place that was found to be writable.
 #[derive(Debug)]
@@ -34,7 +40,8 @@ impl Output {
     /// [`Error::Usage`] if binary data would go to a terminal; [`Error::Io`] if nothing can be
     /// written there.
     pub fn new(path: &Path) -> Result<Self> {
-        if path == Path::new("-") {
+        if STDOUT.into_iter().any(|name| path == Path::new(name)) {
+            check_stdout()?;
             if io::stdout().is_terminal() {
                 return Err(Error::Usage(
                     "`-o -` writes a PNG to standard output, which is a terminal: redirect it to a \
@@ -57,13 +64,15 @@ impl Output {
                 let target = fs::canonicalize(path).map_err(|e| refuse(&e.to_string()))?;
                 Self::probed(target).map_err(|e| refuse(&e.to_string()))
             }
+            Ok(found) if is_block_device(&found) => Err(refuse("it is a disk")),
             Ok(_) => Ok(Self(Place::Special(path.into()))),
             Err(e) if e.kind() == io::ErrorKind::NotFound => {
-                let folder = folder(path);
+                let target = end_of_links(path).map_err(|e| refuse(&e.to_string()))?;
+                let folder = folder(&target);
                 if !folder.is_dir() {
                     return Err(refuse(&format!("there is no folder {}", folder.display())));
                 }
-                Self::probed(path.into()).map_err(|e| refuse(&e.to_string()))
+                Self::probed(target).map_err(|e| refuse(&e.to_string()))
             }
             Err(e) => Err(refuse(&e.to_string())),
         }
@@ -123,10 +132,37 @@ impl Output {
     }
 }
 
+/// Refuses a standard output that was closed when the process started.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn check_stdout() -> Result<()> {
+    match stdout_was_closed() {
+        false => Ok(()),
+        true => Err(Error::Io {
+            path: "standard output".into(),
+            source: io::Error::other("it is closed: redirect it to a file or a pipe"),
+        }),
+    }
+}
+
 /// Writes `bytes` to standard output; see [`Output::write`].
+///
+/// # Errors
+/// [`Error::Io`] if the system refuses, or if there is no standard output.
 pub fn write_stdout(bytes: &[u8]) -> Result<()> {
+    check_stdout()?;
     let mut out = io::stdout().lock();
-    match out.write_all(bytes).and_then(|()| out.flush()) {
+    printed(out.write_all(bytes).and_then(|()| out.flush()))
+}
+
+/// What became of writing to standard output. A reader that has gone away is no error.
+///
+/// # Errors
+/// [`Error::Io`] if the system refused, or if there is no standard output.
+pub fn printed(result: io::Result<()>) -> Result<()> {
+    check_stdout()?;
+    match result {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
             Err(Error::Io { path: "standard output".into(), source: e })
         }
@@ -139,10 +175,37 @@ pub fn write_json(value: &serde_json::Value) -> Result<()> {
     write_stdout(format!("{value:#}\n").as_bytes())
 }
 
+/// Where the symbolic links of `path` lead, whose last one leads to what is not there yet.
+fn end_of_links(path: &Path) -> io::Result<PathBuf> {
+    let mut at = path.to_path_buf();
+    // As many as Linux follows.
+    for _ in 0..40 {
+        match fs::read_link(&at) {
+            Ok(next) => at = folder(&at).join(next),
+            Err(_) => return Ok(at),
+        }
+    }
+    Err(io::Error::other("its symbolic links lead in a circle"))
+}
+
+/// A disk or a part of one: nobody means to replace a file system by a picture.
+fn is_block_device(found: &fs::Metadata) -> bool {
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::FileTypeExt::is_block_device(&found.file_type())
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = found;
+        false
+    }
+}
+
 /// The one name of a file that may not be there yet, however it is spelled.
 fn canonical(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| {
-        match (fs::canonicalize(folder(path)), path.file_name()) {
+        let end = end_of_links(path).unwrap_or_else(|_| path.into());
+        match (fs::canonicalize(folder(&end)), end.file_name()) {
             (Ok(folder), Some(name)) => folder.join(name),
             _ => path.into(),
         }
@@ -222,6 +285,32 @@ mod tests {
         Output::new(&link).unwrap().write(b"new").unwrap();
         assert_eq!(fs::read(&real).unwrap(), b"new");
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_what_is_not_there_yet_makes_it() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("sub")).unwrap();
+        symlink("sub/real", at("link")).unwrap();
+        symlink("link", at("again")).unwrap();
+        let output = Output::new(&at("again")).unwrap();
+        assert!(output.replaces(&at("sub/real")) && output.replaces(&at("link")));
+        output.write(b"new").unwrap();
+        assert_eq!(fs::read(at("sub/real")).unwrap(), b"new");
+        for link in ["link", "again"] {
+            assert!(fs::symlink_metadata(at(link)).unwrap().is_symlink(), "{link}");
+        }
+        assert_eq!(names(&at("sub")), ["real"]);
+        symlink("none/real", at("nowhere")).unwrap();
+        symlink("circle", at("circle")).unwrap();
+        symlink("sub", at("folder")).unwrap();
+        let refusal = |name: &str| Output::new(&at(name)).unwrap_err().to_string();
+        assert!(refusal("nowhere").contains("there is no folder"), "{}", refusal("nowhere"));
+        assert!(refusal("circle").contains("cannot be written"), "{}", refusal("circle"));
+        assert!(refusal("folder").contains("it is a folder"), "{}", refusal("folder"));
     }
 
     #[test]

@@ -46,7 +46,8 @@ pub fn run(args: &ParityArgs) -> Result<Outcome> {
     }
     if let Some(output) = &plan.difference {
         let image = compare::difference_picture(by_compute, by_classic)?;
-        output.write(&picture::encode(&image, gpu.info(), &plan.view.scene)?)?;
+        let origin = plan.metadata.then_some((gpu.info(), &plan.view.scene));
+        output.write(&picture::encode(&image, origin)?)?;
     }
     if plan.json {
         write_json(&figures(&both.difference))?;

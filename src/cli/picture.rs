@@ -7,18 +7,21 @@ use crate::{
     vk::DeviceInfo,
 };
 
-/// `image` as a PNG file that names the tool, the device and the scene.
+/// `image` as a PNG file. With an `origin` it names the tool, the device and the scene: the file alone,
+/// since the folders of a machine are nobody's business, and the same scene gives the same bytes.
 ///
 /// # Errors
 /// As [`png::write_png`].
-pub fn encode(image: &Image, device: &DeviceInfo, scene: &SceneName) -> Result<Vec<u8>> {
-    let text = [
-        ("Software", format!("tilewright {}", env!("CARGO_PKG_VERSION"))),
-        ("Device", device.to_string()),
-        ("Scene", scene.to_string()),
-    ]
-    .map(|(key, value)| (key.to_string(), value));
+pub fn encode(image: &Image, origin: Option<(&DeviceInfo, &SceneName)>) -> Result<Vec<u8>> {
+    let text = origin.map(|(device, scene)| {
+        [
+            ("Software", format!("tilewright {}", env!("CARGO_PKG_VERSION"))),
+            ("Device", device.to_string()),
+            ("Scene", scene.title()),
+        ]
+        .map(|(key, value)| (key.to_string(), value))
+    });
     let mut bytes = Vec::new();
-    png::write_png(image, &text, &mut bytes)?;
+    png::write_png(image, text.as_ref().map_or(&[], |text| text), &mut bytes)?;
     Ok(bytes)
 }

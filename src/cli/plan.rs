@@ -10,7 +10,10 @@ use crate::{
     image::Extent,
     scene::Scene,
 };
-use std::path::{Path, PathBuf};
+use std::{
+    ffi::{OsStr, OsString},
+    path::{Path, PathBuf},
+};
 
 /// Which scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,6 +29,26 @@ impl std::fmt::Display for SceneName {
         match self {
             SceneName::Builtin(name) => write!(f, "builtin:{name}"),
             SceneName::File(path) => write!(f, "{}", path.display()),
+        }
+    }
+}
+
+impl SceneName {
+    /// Without the folder, and the same for all paths to one file.
+    pub fn title(&self) -> String {
+        match self {
+            SceneName::Builtin(_) => self.to_string(),
+            SceneName::File(path) => {
+                path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+            }
+        }
+    }
+
+    /// As it can be typed again.
+    pub fn typed(&self) -> OsString {
+        match self {
+            SceneName::Builtin(_) => self.to_string().into(),
+            SceneName::File(path) => path.into(),
         }
     }
 }
@@ -76,6 +99,8 @@ pub struct RenderPlan {
     pub picture: Output,
     /// Where the figures go.
     pub stats: Option<Output>,
+    /// Whether the picture says where it comes from.
+    pub metadata: bool,
 }
 
 /// `tilewright parity`.
@@ -87,6 +112,8 @@ pub struct ParityPlan {
     pub json: bool,
     /// Where the difference picture goes.
     pub difference: Option<Output>,
+    /// Whether the difference picture says where it comes from.
+    pub metadata: bool,
 }
 
 impl RenderPlan {
@@ -113,7 +140,8 @@ impl RenderPlan {
                 return Err(Error::Usage("the picture and --stats go to the same place".into()));
             }
         }
-        Ok(Self { view, backend: args.backend, picture, stats })
+        let metadata = !args.scene.no_metadata;
+        Ok(Self { view, backend: args.backend, picture, stats, metadata })
     }
 }
 
@@ -134,7 +162,8 @@ impl ParityPlan {
                 ));
             }
         }
-        Ok(Self { view, json: args.json, difference })
+        let metadata = !args.scene.no_metadata;
+        Ok(Self { view, json: args.json, difference, metadata })
     }
 }
 
@@ -189,8 +218,9 @@ impl SceneName {
     ///
     /// # Errors
     /// [`Error::Input`] for a file that is not there, [`Error::Usage`] for no built-in scene.
-    pub fn new(typed: &str) -> Result<Self> {
-        if let Some(name) = typed.strip_prefix("builtin:") {
+    pub fn new(typed: &OsStr) -> Result<Self> {
+        let text = typed.to_str().unwrap_or_default();
+        if let Some(name) = text.strip_prefix("builtin:") {
             Scene::check_builtin(name)?;
             return Ok(SceneName::Builtin(name.into()));
         }
@@ -200,8 +230,8 @@ impl SceneName {
             Ok(_) => Ok(SceneName::File(path.into())),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Error::input(
                 path,
-                match Scene::check_builtin(typed) {
-                    Ok(()) => format!("there is no such file, but a scene `builtin:{typed}`"),
+                match Scene::check_builtin(text) {
+                    Ok(()) => format!("there is no such file, but a scene `builtin:{text}`"),
                     Err(_) => "there is no such file (scenes that need none are called \
                                builtin:NAME, see --help)"
                         .into(),

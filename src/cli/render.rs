@@ -13,6 +13,7 @@ use crate::{
     bench, classic, compute,
     error::Result,
     image::Image,
+    pass::Frame,
     vk::{Gpu, Timings},
 };
 use serde_json::{Value, json};
@@ -29,13 +30,17 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     clock.lap("open_device");
     let shot = Shot::new(&plan.view)?;
     clock.lap("read_scene");
-    let (color, timings) = {
+    let (frame, timings) = {
         let _working = talk::working_on("drawing");
         draw(&gpu, plan.backend, &shot, &mut clock)?
     };
     clock.lap("read_back");
-    let image = shot.picture(color)?;
-    plan.picture.write(&picture::encode(&image, gpu.info(), &plan.view.scene)?)?;
+    if !shot.pass.draws.is_empty() && is_blank(&frame) {
+        talk::line("warning: nothing of the scene is visible: the picture is all background");
+    }
+    let image = shot.picture(frame.color)?;
+    let origin = plan.metadata.then_some((gpu.info(), &plan.view.scene));
+    plan.picture.write(&picture::encode(&image, origin)?)?;
     clock.lap("write_picture");
 
     if let Some(output) = &plan.stats {
@@ -61,7 +66,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
 }
 
 /// Draws the shot; the clock separates what is done once from what every frame costs.
-fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(Image, Timings)> {
+fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(Frame, Timings)> {
     match backend {
         Backend::Compute => {
             let mut renderer = compute::Renderer::new(gpu)?;
@@ -70,16 +75,34 @@ fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(
             clock.lap("prepare");
             let timings = prepared.execute()?;
             clock.lap("draw");
-            Ok((prepared.read_color()?, timings))
+            let color = prepared.read_color()?;
+            let depth = if is_one_color(&color) { prepared.read()?.depth } else { None };
+            Ok((Frame { color, depth }, timings))
         }
         Backend::Classic => {
             let mut prepared = classic::Renderer::new(gpu)?.prepare(&shot.pass)?;
             clock.lap("prepare");
             let total_ns = prepared.execute()?;
             clock.lap("draw");
-            Ok((prepared.read_color()?, Timings { total_ns, stages: Vec::new() }))
+            let color = prepared.read_color()?;
+            let depth = if is_one_color(&color) { prepared.read()?.depth } else { None };
+            Ok((Frame { color, depth }, Timings { total_ns, stages: Vec::new() }))
         }
     }
+}
+
+/// Whether all pixels have one colour.
+fn is_one_color(color: &Image) -> bool {
+    let size = (color.bytes.len() / color.extent.pixels().max(1)).max(1);
+    color.bytes.chunks(size).all(|pixel| *pixel == color.bytes[..size])
+}
+
+/// Whether every pixel is as it was before the first draw: one colour, and nothing before the far plane.
+fn is_blank(frame: &Frame) -> bool {
+    let far = 1f32.to_ne_bytes();
+    let depth = frame.depth.as_ref();
+    is_one_color(&frame.color)
+        && depth.is_none_or(|depth| depth.bytes.chunks(4).all(|pixel| pixel == far))
 }
 
 /// Device time of each stage, in the order of first appearance, summed over batches.

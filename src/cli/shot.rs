@@ -15,6 +15,9 @@ use crate::{
 /// Vertical field of view of a camera that is given by `--eye` and `--target`, in degrees.
 const DEFAULT_FOV: f64 = 45.0;
 
+/// Cameras that a message lists, each with as many characters of its name as [`Scene`]'s messages have.
+const LISTED: usize = 20;
+
 /// A scene as one camera sees it.
 pub struct Shot {
     /// The scene.
@@ -50,6 +53,9 @@ impl Shot {
             options.format = Format::Rgba16Float;
         }
         let pass = scene.pass(view.extent, &camera, &options)?;
+        if pass.draws.is_empty() && scene.triangles() > 0 {
+            talk::line("warning: the camera sees nothing of the scene");
+        }
         Ok(Self { scene, pass, translucent })
     }
 
@@ -104,14 +110,19 @@ fn named(scene: &Scene, wanted: &str) -> Result<Camera> {
             .enumerate()
             .map(|(number, camera)| match camera.name.as_str() {
                 "" => format!("number {number}"),
-                name => format!("number {number} `{name}`"),
+                name => format!("number {number} `{name:.60}`"),
             })
+            .take(LISTED)
             .collect();
+        let more = match cameras.len().saturating_sub(LISTED) {
+            0 => String::new(),
+            more => format!(", and {more} more"),
+        };
         Error::Usage(match list.is_empty() {
             true => {
                 format!("there is no camera `{wanted}`, the scene has none: use --eye and --target")
             }
-            false => format!("there is no camera `{wanted}`, only {}", list.join(", ")),
+            false => format!("there is no camera `{wanted}`, only {}{more}", list.join(", ")),
         })
     })
 }

@@ -3,22 +3,49 @@
 //! A closed or full standard error must not end a run, so lines are written without the macros that
 //! panic. Progress is drawn on a terminal only; `indicatif` hides it anywhere else.
 
-use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::{
     fmt::Display,
     io::{self, Write},
-    sync::LazyLock,
+    sync::{
+        LazyLock,
+        atomic::{AtomicBool, Ordering},
+    },
     time::Duration,
 };
 
 /// All progress of the process, so that a line can be written between its redraws.
 static PROGRESS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// Writes one line.
+/// Whether `--quiet` was given.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// With `quiet`, neither progress nor notes are shown from now on. Warnings and errors are: whoever wants
+/// less noise still wants to know that a picture is not the one that was asked for.
+pub fn set_quiet(quiet: bool) {
+    QUIET.store(quiet, Ordering::Relaxed);
+    if quiet {
+        PROGRESS.set_draw_target(ProgressDrawTarget::hidden());
+    }
+}
+
+/// Writes one line: a warning, an error or a result.
 pub fn line(text: impl Display) {
-    PROGRESS.suspend(|| {
+    around(|| {
         let _ = writeln!(io::stderr(), "{text}");
     });
+}
+
+/// Writes one line that `--quiet` leaves out: it says what is being done.
+pub fn note(text: impl Display) {
+    if !QUIET.load(Ordering::Relaxed) {
+        line(text);
+    }
+}
+
+/// Does `what` between two drawings of the progress, so that a terminal can show what it writes.
+pub fn around<R>(what: impl FnOnce() -> R) -> R {
+    PROGRESS.suspend(what)
 }
 
 /// A spinner with what is being done; it disappears on drop.

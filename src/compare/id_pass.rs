@@ -207,6 +207,8 @@ mod tests {
             stage,
             spirv: Vec::new(),
             reflection: Reflection { push_constant_bytes: 8, ..Reflection::default() },
+            hash: 0,
+            refusal: None,
         };
         Pipeline {
             label: "p".into(),

@@ -2,7 +2,7 @@
 
 use super::{
     Renderer, binning, clear,
-    kernels::{Wanted, color_format},
+    kernels::{PlanKernels, color_format},
     ordered, primitive, raster, shade,
     target::Target,
     vertex,
@@ -14,8 +14,8 @@ use crate::{
     grid::{Capacities, Grid},
     image::{Extent, Image},
     pass::{Frame, Pass},
-    plan::{BatchPlan, Method, Plan},
-    vk::{Buffer, Gpu, Kernel, Memory, Recorder, Recording, ResourceTable, Timings},
+    plan::{BatchPlan, Plan},
+    vk::{Buffer, Gpu, Memory, Recorder, Recording, ResourceTable, Timings},
 };
 
 /// Buffers that every band and batch of a frame shares.
@@ -53,14 +53,6 @@ pub struct Buffers {
     pub shade_bins: Buffer<[u32; 2]>,
 }
 
-/// The kernels a plan needs, by the plan's own numbers.
-struct PlanKernels {
-    vertex: Vec<Kernel>,
-    /// For each batch the kernel of each of its fragment kernels.
-    fragment: Vec<Vec<Kernel>>,
-    raster: Vec<Option<Kernel>>,
-}
-
 /// Everything that is known before recording.
 pub struct Setup {
     gpu: Gpu,
@@ -68,7 +60,7 @@ pub struct Setup {
     format: Format,
     clear: clear::Values,
     has_depth: bool,
-    tables: Vec<ResourceTable>,
+    pub tables: Vec<ResourceTable>,
     buffers: Buffers,
     targets: Vec<Target>,
     kernels: PlanKernels,
@@ -216,35 +208,7 @@ impl Setup {
                 device,
             )?,
         };
-        let vertex: Vec<Wanted> =
-            plan.vertex_kernels.iter().map(|key| Wanted::Vertex(key.clone())).collect();
-        let wanted = |batch: &BatchPlan| {
-            let keys = batch.fragment_kernels.iter().map(|&k| plan.fragment_kernels[k].clone());
-            let fragment = keys.map(|key| match batch.method {
-                Method::Opaque(_) => Wanted::Shade(key, format),
-                Method::Ordered { depth, .. } => Wanted::Ordered(key, format, depth),
-            });
-            let raster = match batch.method {
-                Method::Opaque(compare) => Some(Wanted::Raster(compare)),
-                Method::Ordered { .. } => None,
-            };
-            (raster, fragment.collect::<Vec<_>>())
-        };
-        let batches: Vec<_> = plan.batches.iter().map(wanted).collect();
-        let of_batches =
-            batches.iter().flat_map(|(raster, fragment)| raster.iter().chain(fragment));
-        let all: Vec<Wanted> = vertex.iter().chain(of_batches).cloned().collect();
-        let kernels = &mut renderer.kernels;
-        kernels.make(&all)?;
-        let kernels = PlanKernels {
-            vertex: vertex.iter().map(|wanted| kernels.get(wanted)).collect::<Result<_>>()?,
-            raster: (batches.iter())
-                .map(|(raster, _)| raster.as_ref().map(|wanted| kernels.get(wanted)).transpose())
-                .collect::<Result<_>>()?,
-            fragment: (batches.iter())
-                .map(|(_, all)| all.iter().map(|wanted| kernels.get(wanted)).collect())
-                .collect::<Result<_>>()?,
-        };
+        let kernels = renderer.kernels.of_plan(plan, format)?;
         Ok(Setup {
             gpu: gpu.clone(),
             extent: pass.extent,
@@ -267,7 +231,7 @@ impl Setup {
     }
 
     /// Records the whole pass.
-    pub fn record(self, renderer: &Renderer, plan: &Plan) -> Result<Prepared> {
+    pub fn record(self, renderer: &mut Renderer, plan: &Plan) -> Result<Prepared> {
         let mut recordings = Vec::new();
         let (mut color_copies, mut depth_copies) = (Vec::new(), Vec::new());
         for (n, (band, target)) in self.bands.iter().zip(&self.targets).enumerate() {
@@ -289,6 +253,7 @@ impl Setup {
                 depth_copies.extend(target.copy_of_depth(&self.gpu)?);
             }
         }
+        renderer.tables.put_back(self.tables);
         Ok(Prepared {
             recordings,
             color_copies,
@@ -345,7 +310,7 @@ impl Setup {
             width: self.gpu.limits().subgroup_size,
             push: Batch {
                 traced: traced.into(),
-                followed: self.kernels.raster[number + 1..].iter().any(Option::is_some).into(),
+                followed: (Some(number) < self.kernels.last_opaque).into(),
                 ..self.push(band, batch)
             },
         };

@@ -5,16 +5,20 @@ use crate::{
     abi,
     error::{Error, Result},
     format::Format,
-    plan::KernelKey,
+    kept::Kept,
+    plan::{BatchPlan, KernelKey, Method, Plan},
     prebuilt,
     shader::splice::{Blocks, Derivatives, SpliceOptions, splice},
     state::Compare,
     vk::{DeviceKind, Gpu, Kernel, KernelInfo},
 };
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::{
+    collections::HashSet,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
 /// A kernel that is made when a pass wants it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Wanted {
     /// Raster with a depth comparison.
     Raster(Compare),
@@ -36,7 +40,18 @@ pub struct Kernels {
     pub scan: Kernel,
     pub scatter: Kernel,
     pub sort: Kernel,
-    made: Vec<(Wanted, Kernel)>,
+    made: Kept<Wanted, Kernel>,
+}
+
+/// The kernels a plan needs, by the plan's own numbers.
+pub struct PlanKernels {
+    pub vertex: Vec<Kernel>,
+    /// For each batch the kernel of each of its fragment kernels.
+    pub fragment: Vec<Vec<Kernel>>,
+    /// For each batch of opaque work its raster kernel.
+    pub raster: Vec<Option<Kernel>>,
+    /// The last batch of opaque work.
+    pub last_opaque: Option<usize>,
 }
 
 /// The number that a colour format has in kernels.
@@ -75,7 +90,49 @@ impl Kernels {
             scan,
             scatter,
             sort,
-            made: Vec::new(),
+            made: Kept::default(),
+        })
+    }
+
+    /// Begins another pass: lets go of kernels by the rule of [`crate::kept`].
+    pub fn next_pass(&mut self) {
+        self.made.next_pass(Kernel::is_shared);
+    }
+
+    /// Kernels of users' shaders that are kept, and those that were ever made.
+    pub fn counts(&self) -> (usize, u64) {
+        (self.made.len(), self.made.made())
+    }
+
+    /// The kernels of `plan` for a colour format, those that are missing made.
+    ///
+    /// # Errors
+    /// As [`Kernels::make`].
+    pub fn of_plan(&mut self, plan: &Plan, format: u32) -> Result<PlanKernels> {
+        let vertex: Vec<Wanted> =
+            plan.vertex_kernels.iter().map(|key| Wanted::Vertex(key.clone())).collect();
+        let wanted = |batch: &BatchPlan| {
+            let keys = batch.fragment_kernels.iter().map(|&k| plan.fragment_kernels[k].clone());
+            let fragment = keys.map(|key| match batch.method {
+                Method::Opaque(_) => Wanted::Shade(key, format),
+                Method::Ordered { depth, .. } => Wanted::Ordered(key, format, depth),
+            });
+            let raster = match batch.method {
+                Method::Opaque(compare) => Some(Wanted::Raster(compare)),
+                Method::Ordered { .. } => None,
+            };
+            (raster, fragment.collect::<Vec<_>>())
+        };
+        let batches: Vec<_> = plan.batches.iter().map(wanted).collect();
+        let of_batches =
+            batches.iter().flat_map(|(raster, fragment)| raster.iter().chain(fragment));
+        self.make(vertex.iter().chain(of_batches))?;
+        let mut get = |wanted: &Wanted| self.made.get(wanted).expect("it was made").clone();
+        Ok(PlanKernels {
+            vertex: vertex.iter().map(&mut get).collect(),
+            last_opaque: batches.iter().rposition(|(raster, _)| raster.is_some()),
+            raster: batches.iter().map(|(raster, _)| raster.as_ref().map(&mut get)).collect(),
+            fragment: batches.iter().map(|(_, all)| all.iter().map(&mut get).collect()).collect(),
         })
     }
 
@@ -85,33 +142,20 @@ impl Kernels {
     /// # Errors
     /// [`crate::Error::Shader`] if a shader is out of reach, [`crate::Error::Device`] if the driver
     /// refuses a kernel.
-    pub fn make(&mut self, wanted: &[Wanted]) -> Result<()> {
-        let mut missing: Vec<&Wanted> = Vec::new();
-        for one in wanted {
-            if !missing.contains(&one) && !self.made.iter().any(|(known, _)| known == one) {
-                missing.push(one);
-            }
-        }
+    pub fn make<'w>(&mut self, wanted: impl IntoIterator<Item = &'w Wanted>) -> Result<()> {
+        let mut seen = HashSet::new();
+        let wanted = wanted.into_iter().filter(|&wanted| seen.insert(wanted));
+        let missing: Vec<&Wanted> =
+            wanted.filter(|&wanted| self.made.get(wanted).is_none()).collect();
         let made = in_parallel(&missing, |wanted| self.kernel(wanted));
         let mut outcome = Ok(());
-        let missing: Vec<Wanted> = missing.into_iter().cloned().collect();
         for (wanted, made) in missing.into_iter().zip(made) {
             match made {
-                Ok(kernel) => self.made.push((wanted, kernel)),
+                Ok(kernel) => self.made.insert(wanted.clone(), kernel),
                 Err(error) => outcome = outcome.and(Err(error)),
             }
         }
         outcome
-    }
-
-    /// A kernel, made if it is not there yet.
-    ///
-    /// # Errors
-    /// As [`Kernels::make`].
-    pub fn get(&mut self, wanted: &Wanted) -> Result<Kernel> {
-        self.make(std::slice::from_ref(wanted))?;
-        let found = self.made.iter().find(|(known, _)| known == wanted);
-        Ok(found.expect("it was made").1.clone())
     }
 
     fn kernel(&self, wanted: &Wanted) -> Result<Kernel> {

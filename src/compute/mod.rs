@@ -35,20 +35,25 @@ use crate::{
     error::Result,
     format::Format,
     grid::Capacities,
-    pass::{Executor, Frame, Pass},
-    plan::{IndexRanges, KernelKey, Plan, depth_mode},
+    pass::{Executor, Frame, IndexRanges, Pass},
+    plan::{KernelKey, Plan, depth_mode},
     shader::{Shader, Stage},
     trace::Trace,
-    vk::{Gpu, Resources},
+    vk::{Cached, Gpu, Resources},
 };
 use kernels::{Kernels, Wanted};
-use slots::{TableSlots, Tables};
+use slots::{TablePool, TableSlots, Tables};
 use std::sync::Arc;
 
-/// Executes passes by compute kernels on one device; keeps kernels and uploads between passes.
+/// Executes passes by compute kernels on one device.
+///
+/// Kernels are known by the content of their shaders and stay while a prepared pass holds them, and
+/// otherwise until 64 passes in a row have not used them. Uploads stay as long as somebody holds the buffer
+/// or texture.
 pub struct Renderer {
     gpu: Gpu,
     resources: Resources,
+    tables: TablePool,
     ranges: IndexRanges,
     kernels: Kernels,
     limit: Capacities,
@@ -64,6 +69,7 @@ impl Renderer {
         Ok(Self {
             gpu: gpu.clone(),
             resources: Resources::new(gpu),
+            tables: TablePool::new(gpu),
             ranges: IndexRanges::default(),
             kernels: Kernels::new(gpu)?,
             limit: Capacities::DEFAULT,
@@ -80,6 +86,13 @@ impl Renderer {
     /// Times every stage of the passes prepared from now on; costs a little.
     pub fn time_stages(&mut self, timed: bool) {
         self.timed = timed;
+    }
+
+    /// What is kept for the passes to come.
+    pub fn cached(&self) -> Cached {
+        let (pipelines, pipelines_made) = self.kernels.counts();
+        let tables = self.tables.len();
+        Cached { pipelines, pipelines_made, tables, ..self.resources.cached() }
     }
 
     /// Plans and records `pass`; it can then run any number of times.
@@ -105,6 +118,7 @@ impl Renderer {
             attributes: Vec::new(),
             read: u32::MAX,
         };
+        self.kernels.next_pass();
         match shader.stage {
             Stage::Vertex => self.kernels.make(&[Wanted::Vertex(key)]),
             Stage::Fragment => {
@@ -125,9 +139,11 @@ impl Renderer {
     }
 
     fn plan(&mut self, pass: &Pass) -> Result<(Plan, Tables)> {
-        pass.validate()?;
+        pass.check(&mut self.ranges)?;
         self.resources.trim();
-        let mut slots = TableSlots::new(&self.gpu, &mut self.resources)?;
+        self.kernels.next_pass();
+        self.tables.next_pass()?;
+        let mut slots = TableSlots::new(&self.gpu, &mut self.resources, &mut self.tables)?;
         let plan = Plan::new(pass, self.limit, &mut self.ranges, &mut slots)?;
         let tables = slots.into_tables();
         self.resources.flush()?;

@@ -3,7 +3,8 @@
 use crate::{
     abi,
     error::{Error, Result},
-    pass::{self, Binding},
+    kept::KEPT_PASSES,
+    pass::{self, Binding, BindingEntry, BindingSet},
     plan::Slots,
     vk::{Buffer, Gpu, Memory, ResourceTable, Resources},
 };
@@ -14,15 +15,64 @@ const PUSH_ALIGNMENT: usize = 256;
 /// Bytes of a buffer of push-constant blocks, if one block is not more.
 const PUSH_BYTES: usize = 1 << 20;
 
+/// Resource tables, kept from pass to pass: to make one costs as much as to fill a table with thousands of
+/// resources, whatever the pass needs of it.
+///
+/// A table is used again once no recording has it bound, and goes by the rule of [`crate::kept`].
+pub struct TablePool {
+    gpu: Gpu,
+    /// With the last pass that used it.
+    tables: Vec<(ResourceTable, u64)>,
+    pass: u64,
+}
+
+impl TablePool {
+    pub fn new(gpu: &Gpu) -> Self {
+        Self { gpu: gpu.clone(), tables: Vec::new(), pass: 0 }
+    }
+
+    /// Begins another pass: empties the tables that no recording has bound, which lets go of what is in
+    /// them, and lets go of tables that are not needed any more.
+    pub fn next_pass(&mut self) -> Result<()> {
+        self.pass += 1;
+        let pass = self.pass;
+        self.tables.retain(|(table, used)| table.is_bound() || pass - used <= KEPT_PASSES);
+        let free = self.tables.iter_mut().filter(|(table, _)| !table.is_bound());
+        free.map(|(table, _)| table).try_for_each(ResourceTable::clear)
+    }
+
+    /// An empty table.
+    fn take(&mut self) -> Result<ResourceTable> {
+        match self.tables.iter().position(|(table, _)| !table.is_bound()) {
+            Some(free) => Ok(self.tables.swap_remove(free).0),
+            None => ResourceTable::new(&self.gpu),
+        }
+    }
+
+    /// Takes back the tables of a pass; recordings may have them bound.
+    pub fn put_back(&mut self, tables: Vec<ResourceTable>) {
+        self.tables.extend(tables.into_iter().map(|table| (table, self.pass)));
+    }
+
+    /// Tables that there are.
+    pub fn len(&self) -> usize {
+        self.tables.len()
+    }
+}
+
 /// Uploads what the planner asks for and hands out slots.
 pub struct TableSlots<'a> {
     gpu: &'a Gpu,
+    pool: &'a mut TablePool,
     resources: &'a mut Resources,
     tables: Tables,
     /// Slots of push-constant blocks by content: draws often share theirs.
     pushed: HashMap<Vec<u8>, u32>,
     /// The push-constant buffer that is being filled, and the bytes that are.
     open: Option<(Buffer<u8>, usize)>,
+    /// First slots of what sets bind. The pass holds the sets while it is planned, so that an address
+    /// stands for one of them.
+    bound: HashMap<(*const BindingSet, u32, u32), u32>,
     /// First slots of buffers that have several.
     long: HashMap<*const pass::Buffer, u32>,
 }
@@ -36,13 +86,19 @@ pub struct Tables {
 }
 
 impl<'a> TableSlots<'a> {
-    pub fn new(gpu: &'a Gpu, resources: &'a mut Resources) -> Result<TableSlots<'a>> {
+    pub fn new(
+        gpu: &'a Gpu,
+        resources: &'a mut Resources,
+        pool: &'a mut TablePool,
+    ) -> Result<TableSlots<'a>> {
         let mut slots = TableSlots {
             gpu,
+            pool,
             resources,
             tables: Tables { tables: Vec::new(), buffers: Vec::new() },
             pushed: HashMap::new(),
             open: None,
+            bound: HashMap::new(),
             long: HashMap::new(),
         };
         slots.next_table()?;
@@ -66,19 +122,20 @@ impl<'a> TableSlots<'a> {
         count: usize,
         mut insert: impl FnMut(&mut Self, usize) -> Result<u32>,
     ) -> Result<u32> {
-        let mut first = None;
-        for n in 0..count {
-            self.table().forget();
-            let slot = insert(self, n)?;
-            first.get_or_insert(slot);
-        }
-        self.table().forget();
-        Ok(first.unwrap_or(0))
+        self.table().take_fresh_slots(true);
+        let slots: Result<Vec<u32>> = (0..count).map(|n| insert(self, n)).collect();
+        self.table().take_fresh_slots(false);
+        Ok(slots?.first().copied().unwrap_or(0))
     }
 
-    fn insert(&mut self, binding: &Binding) -> Result<u32> {
+    /// The slot of a resource; `block` is the bytes of the block that it is, if it is one.
+    fn insert(&mut self, binding: &Binding, block: u32) -> Result<u32> {
         match binding {
-            Binding::Uniform(range) | Binding::Storage(range) => {
+            Binding::Uniform(range) => {
+                let block = self.resources.block(range, block as usize)?;
+                self.table().insert_buffer(&block)
+            }
+            Binding::Storage(range) => {
                 let buffer = self.resources.buffer(&range.buffer)?;
                 let slice = buffer.slice(range.offset..range.offset + range.bytes)?;
                 self.table().insert_buffer(&slice)
@@ -131,11 +188,24 @@ impl Slots for TableSlots<'_> {
         Ok(slot)
     }
 
-    fn bindings(&mut self, resources: &[Binding]) -> Result<u32> {
-        if let [one] = resources {
-            return self.insert(one);
+    fn bindings(
+        &mut self,
+        set: &Arc<BindingSet>,
+        entry: &BindingEntry,
+        block: u32,
+    ) -> Result<u32> {
+        let key = (Arc::as_ptr(set), entry.binding, block);
+        if let Some(&first) = self.bound.get(&key) {
+            return Ok(first);
         }
-        self.consecutive(resources.len(), |slots, n| slots.insert(&resources[n]))
+        let first = match entry.resources.as_slice() {
+            // A run-time array that nothing is bound to.
+            [] => 0,
+            [one] => self.insert(one, block)?,
+            all => self.consecutive(all.len(), |slots, n| slots.insert(&all[n], block))?,
+        };
+        self.bound.insert(key, first);
+        Ok(first)
     }
 
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32> {
@@ -161,9 +231,10 @@ impl Slots for TableSlots<'_> {
     }
 
     fn next_table(&mut self) -> Result<()> {
-        self.tables.tables.push(ResourceTable::new(self.gpu)?);
+        self.tables.tables.push(self.pool.take()?);
         self.tables.buffers.push(HashMap::new());
         self.pushed.clear();
+        self.bound.clear();
         self.long.clear();
         Ok(())
     }

@@ -15,7 +15,7 @@ use std::{collections::HashMap, sync::Arc};
 impl Setup {
     pub(super) fn trace(
         self,
-        renderer: &Renderer,
+        renderer: &mut Renderer,
         plan: &Plan,
         buffers: Vec<HashMap<u32, Arc<Buffer>>>,
     ) -> Result<(Frame, Trace)> {
@@ -70,7 +70,9 @@ impl Setup {
                 });
             }
         }
-        Ok((self.read()?, trace))
+        let frame = self.read()?;
+        renderer.tables.put_back(self.tables);
+        Ok((frame, trace))
     }
 }
 

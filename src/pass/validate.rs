@@ -3,9 +3,7 @@
 
 mod pipeline;
 
-use super::{
-    Binding, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Pass, Pipeline, StepRate,
-};
+use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline, StepRate};
 use crate::{
     error::{Error, Result},
     format::Format,
@@ -14,7 +12,7 @@ use crate::{
     state::{Rect, Viewport},
     texture::Texture,
 };
-use std::{collections::HashSet, ops::RangeInclusive, sync::Arc};
+use std::{collections::HashSet, sync::Arc};
 
 /// Largest side of a target; every device with Vulkan 1.3 on a desktop has it.
 const TARGET_SIDE_PX: u32 = 16384;
@@ -37,13 +35,18 @@ impl Pass {
     /// # Errors
     /// [`Error::Usage`] naming the draw or pipeline, the resource and the fault.
     pub fn validate(&self) -> Result<()> {
+        self.check(&mut IndexRanges::default())
+    }
+
+    /// As [`Pass::validate`], with the ranges of indices that an executor remembers.
+    pub(crate) fn check(&self, ranges: &mut IndexRanges) -> Result<()> {
         let named = |what: String| move |fault| Error::Usage(format!("{what}: {fault}"));
         self.check_targets().map_err(named(format!("pass `{}`", self.label)))?;
         let checked = self.pipelines.iter().map(|pipeline| {
             pipeline::check(pipeline).map_err(named(format!("pipeline `{}`", pipeline.label)))
         });
         let resources = checked.collect::<Result<Vec<_>>>()?;
-        let mut seen = Seen::default();
+        let mut seen = Seen { ranges, sets: HashSet::new(), textures: HashSet::new() };
         for (n, draw) in self.draws.iter().enumerate() {
             let Some(pipeline) = self.pipelines.get(draw.pipeline) else {
                 return Err(Error::Usage(format!(
@@ -79,15 +82,20 @@ impl Pass {
 /// What was found good before, so that thousands of draws that share it are checked quickly. A key holds
 /// everything that its verdict depends on. Addresses stand for what lies there: the pass does not change
 /// while it is checked.
-#[derive(Default)]
-struct Seen {
+struct Seen<'r> {
+    ranges: &'r mut IndexRanges,
     /// Pipeline, number of the set, set: the set binds all that the pipeline's shaders declare under this
     /// number.
     sets: HashSet<(usize, u32, *const BindingSet)>,
     textures: HashSet<*const Texture>,
 }
 
-fn check_draw(draw: &Draw, pipeline: &Pipeline, resources: &[Resource], seen: &mut Seen) -> Fault {
+fn check_draw(
+    draw: &Draw,
+    pipeline: &Pipeline,
+    resources: &[Resource],
+    seen: &mut Seen<'_>,
+) -> Fault {
     let push = pipeline
         .vertex
         .reflection
@@ -106,7 +114,7 @@ fn check_draw(draw: &Draw, pipeline: &Pipeline, resources: &[Resource], seen: &m
         return Err(format!("the scissor {x},{y} {width}x{height} is too large"));
     }
     check_sets(draw, resources, seen)?;
-    check_vertices(draw, pipeline)
+    check_vertices(draw, pipeline, seen.ranges)
 }
 
 fn check_viewport(v: &Viewport) -> Fault {
@@ -128,7 +136,7 @@ fn check_viewport(v: &Viewport) -> Fault {
 }
 
 /// Checks the sets of a draw against the resources of its pipeline, which are sorted by set.
-fn check_sets(draw: &Draw, resources: &[Resource], seen: &mut Seen) -> Fault {
+fn check_sets(draw: &Draw, resources: &[Resource], seen: &mut Seen<'_>) -> Fault {
     for of_set in resources.chunk_by(|a, b| a.set == b.set) {
         let number = of_set[0].set;
         let set = draw.sets.get(number as usize);
@@ -144,7 +152,11 @@ fn check_sets(draw: &Draw, resources: &[Resource], seen: &mut Seen) -> Fault {
     Ok(())
 }
 
-fn check_resource(set: Option<&Arc<BindingSet>>, resource: &Resource, seen: &mut Seen) -> Fault {
+fn check_resource(
+    set: Option<&Arc<BindingSet>>,
+    resource: &Resource,
+    seen: &mut Seen<'_>,
+) -> Fault {
     let place = format!("set {} binding {}", resource.set, resource.binding);
     let entry = set.and_then(|s| s.entries.iter().find(|e| e.binding == resource.binding));
     let Some(entry) = entry else {
@@ -160,7 +172,7 @@ fn check_resource(set: Option<&Arc<BindingSet>>, resource: &Resource, seen: &mut
     })
 }
 
-fn check_binding(binding: &Binding, resource: &Resource, seen: &mut Seen) -> Fault {
+fn check_binding(binding: &Binding, resource: &Resource, seen: &mut Seen<'_>) -> Fault {
     let (kind, block, texture) = match binding {
         Binding::Uniform(range) => (ResourceKind::Uniform, Some(range), None),
         Binding::Storage(range) => (ResourceKind::Storage, Some(range), None),
@@ -181,11 +193,8 @@ fn check_binding(binding: &Binding, resource: &Resource, seen: &mut Seen) -> Fau
                  {BLOCK_ALIGNMENT}"
             ));
         }
-        if range.bytes < resource.bytes.max(1) as usize {
-            return Err(format!(
-                "{} bytes of buffer `{label}`; the block has {}",
-                range.bytes, resource.bytes
-            ));
+        if range.bytes == 0 {
+            return Err(format!("no bytes of buffer `{label}`; a block is bound to one at least"));
         }
     }
     match texture {
@@ -229,7 +238,7 @@ fn check_range(range: &BufferRange) -> Fault {
 }
 
 /// Whether all vertices and indices that the draw reads are there.
-fn check_vertices(draw: &Draw, pipeline: &Pipeline) -> Fault {
+fn check_vertices(draw: &Draw, pipeline: &Pipeline, ranges: &mut IndexRanges) -> Fault {
     if draw.vertex_buffers.len() < pipeline.vertex_bindings.len() {
         return Err(format!(
             "{} vertex buffers; the pipeline has {}",
@@ -253,9 +262,10 @@ fn check_vertices(draw: &Draw, pipeline: &Pipeline) -> Fault {
             if first.checked_add(count).is_none_or(|end| end > there) {
                 return Err(format!("{count} indices from {first} on; there are {there}"));
             }
-            index_range(&indices.range, indices.format, first, count)
-                .map(|r| (*r.start() as i64, *r.end() as i64))
-                .map(|(a, b)| (a + i64::from(draw.base_vertex), b + i64::from(draw.base_vertex)))
+            let elements = u64::from(draw.first)..u64::from(draw.first) + u64::from(draw.count);
+            let (base, read) = (i64::from(draw.base_vertex), !elements.is_empty());
+            read.then(|| ranges.of(indices, elements))
+                .map(|(low, high)| (base + i64::from(low), base + i64::from(high)))
         }
         None => draw
             .count
@@ -308,34 +318,4 @@ fn check_vertices(draw: &Draw, pipeline: &Pipeline) -> Fault {
         }
     }
     Ok(())
-}
-
-/// Smallest and largest index, `None` if there are none.
-fn index_range(
-    range: &BufferRange,
-    format: IndexFormat,
-    first: usize,
-    count: usize,
-) -> Option<RangeInclusive<u32>> {
-    let width = format.bytes();
-    let start = range.offset + first * width;
-    let bytes = Buffer::slice(&range.buffer, start, count * width)?;
-    let (mut min, mut max) = (u32::MAX, 0);
-    match format {
-        IndexFormat::U16 => bytes.chunks_exact(2).for_each(|b| {
-            let index = u32::from(u16::from_ne_bytes([b[0], b[1]]));
-            (min, max) = (min.min(index), max.max(index));
-        }),
-        IndexFormat::U32 => bytes.chunks_exact(4).for_each(|b| {
-            let index = u32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
-            (min, max) = (min.min(index), max.max(index));
-        }),
-    }
-    (count > 0).then_some(min..=max)
-}
-
-impl Buffer {
-    fn slice(&self, start: usize, bytes: usize) -> Option<&[u8]> {
-        self.bytes.get(start..start.checked_add(bytes)?)
-    }
 }

@@ -268,7 +268,8 @@ impl Planner<'_> {
         };
         let mut of = |elements: Range<u32>| match &draw.indices {
             Some(indices) => {
-                self.ranges.of(indices, draw.first + elements.start..draw.first + elements.end)
+                let element = |element| u64::from(draw.first) + u64::from(element);
+                self.ranges.of(indices, element(elements.start)..element(elements.end))
             }
             // The last vertex may be the last there is: its number plus 1 has no room.
             None => (draw.first + elements.start, draw.first + (elements.end - 1)),

@@ -17,15 +17,15 @@
 //! not on what is seen.
 
 mod draw;
-mod indices;
-
-pub use indices::IndexRanges;
 
 use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     grid::Capacities,
-    pass::{Binding, Buffer, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding},
+    pass::{
+        BindingEntry, BindingSet, Buffer, Draw, IndexRanges, Pass, Pipeline, StepRate,
+        VertexAttribute, VertexBinding,
+    },
     shader::{Reflection, Shader, Varying},
     state::Compare,
 };
@@ -36,8 +36,14 @@ pub trait Slots {
     /// The slot of a whole buffer, for vertices and indices; of a long one that of its first 2^
     /// [`abi::WINDOW_LOG2`] bytes, which the slots of the others follow.
     fn buffer(&mut self, buffer: &Arc<Buffer>) -> Result<u32>;
-    /// The first of consecutive slots of the elements of one shader variable.
-    fn bindings(&mut self, resources: &[Binding]) -> Result<u32>;
+    /// The first of consecutive slots of the elements of one shader variable, which `set` binds by the
+    /// entry `entry`; `block` is the bytes of the block that it is, if it is one.
+    fn bindings(
+        &mut self,
+        set: &Arc<BindingSet>,
+        entry: &BindingEntry,
+        block: u32,
+    ) -> Result<u32>;
     /// The slot of a push-constant block.
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32>;
     /// Whether the table has no slot left of some kind, so that it was what refused a draw.
@@ -46,8 +52,9 @@ pub trait Slots {
     fn next_table(&mut self) -> Result<()>;
 }
 
-/// A shader with its specialization: one kernel to build.
-#[derive(Clone, Debug)]
+/// A shader with its specialization: one kernel to build. Equal shaders make equal keys, so that a shader
+/// that is wrapped anew is no new kernel.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct KernelKey {
     /// The shader.
     pub shader: Arc<Shader>,
@@ -59,17 +66,8 @@ pub struct KernelKey {
     pub read: u32,
 }
 
-impl PartialEq for KernelKey {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.shader, &other.shader)
-            && self.specialization == other.specialization
-            && self.attributes == other.attributes
-            && self.read == other.read
-    }
-}
-
 /// How a batch is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Method {
     /// Visibility first, then shading; all draws have this depth comparison.
     Opaque(Compare),
@@ -156,20 +154,15 @@ impl Plan {
             ranges,
             slots,
             plan: Plan::default(),
+            numbers: Numbers::default(),
             open: None,
             table: 0,
             in_table: 0,
         };
-        let mut pipelines = HashMap::new();
+        let mut pipelines = vec![None; pass.pipelines.len()];
         for draw in &pass.draws {
-            let ways = match pipelines.get(&draw.pipeline) {
-                Some(ways) => *ways,
-                None => {
-                    let ways = planner.ways(&pass.pipelines[draw.pipeline]);
-                    pipelines.insert(draw.pipeline, ways);
-                    ways
-                }
-            };
+            let pipeline = &pass.pipelines[draw.pipeline];
+            let ways = *pipelines[draw.pipeline].get_or_insert_with(|| planner.ways(pipeline));
             planner.draw(draw, ways)?;
         }
         planner.close();
@@ -227,12 +220,32 @@ impl Open {
     }
 }
 
+/// Numbers of the plan's kernels.
+#[derive(Default)]
+struct Numbers {
+    vertex: HashMap<KernelKey, usize>,
+    fragment: HashMap<KernelKey, usize>,
+}
+
+/// The number of `key` in `kernels`, where it is added if it is new.
+fn number_of(
+    kernels: &mut Vec<KernelKey>,
+    numbers: &mut HashMap<KernelKey, usize>,
+    key: KernelKey,
+) -> usize {
+    *numbers.entry(key).or_insert_with_key(|key| {
+        kernels.push(key.clone());
+        kernels.len() - 1
+    })
+}
+
 struct Planner<'a> {
     pass: &'a Pass,
     limit: Capacities,
     ranges: &'a mut IndexRanges,
     slots: &'a mut dyn Slots,
     plan: Plan,
+    numbers: Numbers,
     open: Option<Open>,
     /// The table that `slots` fills, and the draws that bind something there.
     table: usize,
@@ -246,23 +259,18 @@ impl Planner<'_> {
             let all = pipeline.specialization.iter();
             all.filter(|(id, _)| ids.contains(id)).copied().collect()
         };
-        let intern = |kernels: &mut Vec<KernelKey>, shader: &Arc<Shader>, attributes, read| {
-            let key = KernelKey {
-                shader: shader.clone(),
-                specialization: own(&shader.reflection.specialization),
-                attributes,
-                read,
-            };
-            kernels.iter().position(|k| *k == key).unwrap_or_else(|| {
-                kernels.push(key);
-                kernels.len() - 1
-            })
+        let key = |shader: &Arc<Shader>, attributes, read| KernelKey {
+            shader: shader.clone(),
+            specialization: own(&shader.reflection.specialization),
+            attributes,
+            read,
         };
-        let (attributes, read) = (attributes(pipeline), read_outputs(pipeline));
-        let vertex_kernel =
-            intern(&mut self.plan.vertex_kernels, &pipeline.vertex, attributes, read);
+        let (plan, numbers) = (&mut self.plan, &mut self.numbers);
+        let vertex = key(&pipeline.vertex, attributes(pipeline), read_outputs(pipeline));
+        let vertex_kernel = number_of(&mut plan.vertex_kernels, &mut numbers.vertex, vertex);
+        let fragment = key(&pipeline.fragment, Vec::new(), 0);
         let fragment_kernel =
-            intern(&mut self.plan.fragment_kernels, &pipeline.fragment, Vec::new(), 0);
+            number_of(&mut plan.fragment_kernels, &mut numbers.fragment, fragment);
         let inputs = &pipeline.fragment.reflection.inputs;
         let locations = inputs.iter().map(|v| v.location + 1).max();
         Ways {
@@ -338,20 +346,20 @@ impl Planner<'_> {
     }
 
     /// Slots of a shader's resources, the push-constant block last: where they start in the list.
-    fn resources(&mut self, shader: &Shader, draw: &crate::pass::Draw) -> Result<u32> {
+    fn resources(&mut self, shader: &Shader, draw: &Draw) -> Result<u32> {
         let mut list = Vec::with_capacity(shader.reflection.resources.len() + 1);
         for resource in &shader.reflection.resources {
-            let entry = draw
-                .sets
-                .get(resource.set as usize)
-                .and_then(|set| set.entries.iter().find(|e| e.binding == resource.binding));
-            let Some(entry) = entry else {
+            let found = draw.sets.get(resource.set as usize).and_then(|set| {
+                let entry = set.entries.iter().find(|e| e.binding == resource.binding)?;
+                Some((set, entry))
+            });
+            let Some((set, entry)) = found else {
                 return Err(Error::Usage(format!(
                     "shader `{}` binds set {}, binding {}, which the draw does not provide",
                     shader.label, resource.set, resource.binding
                 )));
             };
-            list.push(self.slots.bindings(&entry.resources)?);
+            list.push(self.slots.bindings(set, entry, resource.bytes)?);
         }
         if shader.reflection.push_constant_bytes > 0 {
             list.push(self.slots.push_constants(&draw.push_constants)?);

@@ -35,6 +35,23 @@ pub enum Projection {
     },
 }
 
+impl std::fmt::Display for Projection {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Perspective { yfov, near, far } => {
+                write!(f, "an angle of view of {yfov} rad, planes at {near} and ")?;
+                match far {
+                    Some(far) => write!(f, "{far}"),
+                    None => write!(f, "infinity"),
+                }
+            }
+            Self::Orthographic { ymag, near, far } => {
+                write!(f, "a view of half height {ymag}, planes at {near} and {far}")
+            }
+        }
+    }
+}
+
 /// A camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {

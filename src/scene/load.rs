@@ -1,6 +1,11 @@
 //! Opening a scene by its path: which format it has, and what is asked of it.
 
-use super::{Scene, build::Fault, files, gltf, obj};
+use super::{
+    Scene,
+    build::Fault,
+    content::{self, Content},
+    files, gltf, obj,
+};
 use crate::Result;
 use std::path::Path;
 
@@ -12,7 +17,8 @@ pub struct LoadOptions {
 }
 
 impl Scene {
-    /// Loads a glTF 2.0 (`.gltf`, `.glb`) or Wavefront OBJ (`.obj`) file with what it refers to.
+    /// Loads a glTF 2.0 (`.gltf`, `.glb`) or Wavefront OBJ (`.obj`) file with what it refers to. The
+    /// content decides which of the two it is; the name does where the content is like neither.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) that names the file and the fault; [`Error::Shader`](crate::Error::Shader) if the engine's own
@@ -21,12 +27,17 @@ impl Scene {
         let bytes = files::read(path)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        let scene = match extension.as_str() {
-            "gltf" | "glb" => gltf::load(path, &name, &bytes, options.time),
-            "obj" => obj::load(path, &name, &bytes),
-            _ if bytes.starts_with(b"glTF") => gltf::load(path, &name, &bytes, options.time),
-            _ => Err(Fault::Input(
-                "the name ends neither in .gltf, .glb nor .obj, and the content is no GLB".into(),
+        let scene = match (content::of(&bytes), extension.as_str()) {
+            (Content::Gltf, _) => gltf::load(path, &name, &bytes, options.time),
+            (Content::Other(what), _) => Err(Fault::Input(format!(
+                "the content is {what}; tilewright draws glTF 2.0 (.gltf, .glb) and OBJ (.obj)"
+            ))),
+            (Content::Unknown, "obj") => obj::load(path, &name, &bytes),
+            _ if obj::looks_like_obj(&bytes) => obj::load(path, &name, &bytes),
+            (Content::Unknown, "gltf" | "glb") => gltf::load(path, &name, &bytes, options.time),
+            (Content::Unknown, _) => Err(Fault::Input(
+                "the content is neither glTF nor OBJ, nor does the name end in .gltf, .glb or .obj"
+                    .into(),
             )),
         };
         scene.map_err(|fault| fault.into_error(path))

@@ -24,6 +24,7 @@ pub(super) enum AlphaMode {
 #[repr(usize)]
 pub(super) enum Map {
     BaseColor = 0,
+    /// Or specular colour and glossiness, for a material that has those.
     MetallicRoughness = 1,
     Normal = 2,
     Occlusion = 3,
@@ -72,6 +73,8 @@ pub(super) struct Material {
     pub emissive: Vec3,
     pub metallic: f32,
     pub roughness: f32,
+    /// Specular colour (linear) and glossiness, which take the place of the two above.
+    pub specular: Option<Vec4>,
     pub normal_scale: f32,
     pub occlusion_strength: f32,
     pub alpha: AlphaMode,
@@ -90,6 +93,7 @@ impl Default for Material {
             emissive: Vec3::ZERO,
             metallic: 1.0,
             roughness: 1.0,
+            specular: None,
             normal_scale: 1.0,
             occlusion_strength: 1.0,
             alpha: AlphaMode::Opaque,
@@ -120,6 +124,8 @@ pub(super) struct Block {
     pub emissive: [f32; 4],
     /// metallic, roughness, normal scale, occlusion strength
     pub surface: [f32; 4],
+    /// specular colour and glossiness
+    pub specular: [f32; 4],
     /// x: bits of `FLAG_*` in the shader
     pub flags: [u32; 4],
     /// Per map two rows; w of the first is the set of texture coordinates.
@@ -132,6 +138,8 @@ const _: () = assert!(size_of::<Block>() <= BLOCK_ALIGN);
 const FLAG_UNLIT: u32 = 1 << 5;
 /// Alpha reaches the target; otherwise it is 1.
 const FLAG_ALPHA: u32 = 1 << 6;
+/// Specular colour and glossiness say what is reflected.
+const FLAG_SPECULAR: u32 = 1 << 7;
 
 impl Block {
     fn new(m: &Material) -> Self {
@@ -147,6 +155,9 @@ impl Block {
         if m.unlit {
             flags |= FLAG_UNLIT;
         }
+        if m.specular.is_some() {
+            flags |= FLAG_SPECULAR;
+        }
         if m.alpha == AlphaMode::Blend {
             flags |= FLAG_ALPHA;
         }
@@ -154,6 +165,7 @@ impl Block {
             base_color: m.base_color.to_array(),
             emissive: m.emissive.extend(m.alpha_cutoff).to_array(),
             surface: [m.metallic, m.roughness, m.normal_scale, m.occlusion_strength],
+            specular: m.specular.unwrap_or_default().to_array(),
             flags: [flags, 0, 0, 0],
             uv_rows,
         }

@@ -88,35 +88,51 @@ impl Mesh {
         pick(&mut self.colors, order);
     }
 
-    /// Gives every triangle its own normal, as glTF demands where a file has none.
+    /// Gives the corners that have no usable normal that of their triangle, as glTF demands where a file
+    /// has none.
     ///
     /// Corners are copied, three per triangle. Derivatives in the fragment shader would save that,
     /// but they lose their digits on slivers and small triangles, where two executors then differ.
     pub fn make_flat_normals(&mut self) {
-        self.tangents.clear();
-        self.unshare();
-        self.normals = self
-            .positions
-            .chunks_exact(3)
-            .flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3])
-            .collect();
+        let faces = self.faces();
+        self.complete_normals(faces.iter().flat_map(|face| [unit(*face).unwrap_or(Vec3::Y); 3]));
     }
 
-    /// Gives every corner the mean normal of the faces around its position that are within
-    /// `crease` (the cosine of an angle) of its own face: round things look round and edges stay.
+    /// Gives vertices whose normal has no direction one from their faces; if none has one, each triangle
+    /// its own. Of a `flipped` mesh the front of a triangle is the other side.
+    pub fn mend_normals(&mut self, flipped: bool) {
+        let lost: Vec<bool> = self.normals.iter().map(|n| !is_usable(n)).collect();
+        let side = if flipped { -1.0 } else { 1.0 };
+        if lost.iter().all(|lost| *lost) {
+            self.make_flat_normals();
+            self.normals.iter_mut().for_each(|n| *n *= side);
+            return;
+        }
+        if lost.iter().all(|lost| !lost) {
+            return;
+        }
+        let mut sums = vec![Vec3::ZERO; self.normals.len()];
+        for corners in self.triangles() {
+            let [a, b, c] = corners.map(|i| self.positions[i as usize]);
+            let face = (b - a).cross(c - a);
+            corners.into_iter().for_each(|i| sums[i as usize] += face);
+        }
+        for (i, normal) in self.normals.iter_mut().enumerate().filter(|(i, _)| lost[*i]) {
+            *normal = sums[i].normalize_or(Vec3::Y) * side;
+        }
+    }
+
+    /// Gives the corners that have no usable normal the mean normal of the faces around their position
+    /// that are within `crease` (the cosine of an angle) of their own face: round things look round and
+    /// edges stay.
     ///
-    /// For OBJ files without normals, which leave the choice to the reader.
+    /// For OBJ files, which leave the choice to the reader where they have no normals.
     pub fn make_smooth_normals(&mut self, crease: f32) {
-        self.tangents.clear();
         let triangles = self.triangles();
         let places = self.places();
-        // Cross products have twice the triangle's area as length: large faces weigh more.
-        let position = |i: u32| self.positions[i as usize];
-        let face =
-            |[a, b, c]: &[u32; 3]| (position(*b) - position(*a)).cross(position(*c) - position(*a));
-        let faces: Vec<Vec3> = triangles.iter().map(face).collect();
-        let units: Vec<Vec3> = faces.iter().map(|f| f.normalize_or_zero()).collect();
-        // The faces around each place, one list after the other.
+        let faces = self.faces();
+        let units: Vec<Vec3> = faces.iter().map(|f| unit(*f).unwrap_or_default()).collect();
+        // The corners at each place, one list after the other.
         let mut ends = vec![0; places.iter().map(|&p| p as usize + 1).max().unwrap_or(0) + 1];
         for corner in triangles.as_flattened() {
             ends[places[*corner as usize] as usize + 1] += 1;
@@ -128,22 +144,66 @@ impl Mesh {
         let mut around = vec![0u32; triangles.len() * 3];
         for (i, corner) in triangles.as_flattened().iter().enumerate() {
             let slot = &mut next[places[*corner as usize] as usize];
-            around[*slot] = i as u32 / 3;
+            around[*slot] = i as u32;
             *slot += 1;
         }
-        let mut normals = Vec::with_capacity(triangles.len() * 3);
-        for (i, corner) in triangles.as_flattened().iter().enumerate() {
-            let (place, own) = (places[*corner as usize] as usize, units[i / 3]);
+        // Faces count by their angle at the corner, so that it does not matter which triangles a polygon
+        // was cut into (Thürmer and Wüthrich 1998).
+        let angles = self.angles();
+        let part = |corner: usize| units[corner / 3].as_dvec3() * angles[corner];
+        let made = triangles.as_flattened().iter().enumerate().map(|(own, corner)| {
+            let place = places[*corner as usize] as usize;
+            let here = &around[ends[place]..ends[place + 1]];
             // A place with hundreds of faces is a fan's hub; a share of them is near enough, and
             // no file can ask for the square of its faces.
-            let here = around[ends[place]..ends[place + 1]].iter().take(64);
-            let smooth = here.filter(|f| units[**f as usize].dot(own) >= crease);
-            let sum: Vec3 = smooth.map(|f| faces[*f as usize]).sum();
-            normals.push(sum.try_normalize().or(own.try_normalize()).unwrap_or(Vec3::Y));
+            let step = here.len().div_ceil(64).max(1);
+            let others = here.iter().step_by(step).map(|&i| i as usize).filter(|&i| i != own);
+            let smooth = others.filter(|&i| units[i / 3].dot(units[own / 3]) >= crease);
+            let sum: DVec3 = smooth.map(part).sum();
+            unit(sum + part(own)).unwrap_or(Vec3::Y)
+        });
+        self.complete_normals(made);
+        self.share();
+    }
+
+    /// Whether each vertex has a normal that points somewhere.
+    pub fn has_usable_normals(&self) -> bool {
+        self.normals.len() == self.positions.len() && self.normals.iter().all(is_usable)
+    }
+
+    /// The cross products of two edges of each triangle, in double precision: those of very small and
+    /// very large triangles have a direction too.
+    fn faces(&self) -> Vec<DVec3> {
+        let position = |i: u32| self.positions[i as usize].as_dvec3();
+        let face =
+            |[a, b, c]: [u32; 3]| (position(b) - position(a)).cross(position(c) - position(a));
+        self.triangles().into_iter().map(face).collect()
+    }
+
+    /// The angle at each corner of the triangles.
+    fn angles(&self) -> Vec<f64> {
+        let position = |i: u32| self.positions[i as usize].as_dvec3();
+        let angle = |triangle: [u32; 3], i: usize| {
+            let [at, next, last] = [i, i + 1, i + 2].map(|i| position(triangle[i % 3]));
+            let (a, b) = (next - at, last - at);
+            a.cross(b).length().atan2(a.dot(b))
+        };
+        self.triangles().into_iter().flat_map(|t| [0, 1, 2].map(|i| angle(t, i))).collect()
+    }
+
+    /// Takes the normals in `made`, one for each corner of the triangles, where there is no usable one,
+    /// and makes the mesh an unshared triangle list.
+    fn complete_normals(&mut self, made: impl IntoIterator<Item = Vec3>) {
+        self.tangents.clear();
+        if self.normals.is_empty() {
+            self.normals = vec![Vec3::ZERO; self.positions.len()];
         }
         self.unshare();
-        self.normals = normals;
-        self.share();
+        for (normal, made) in self.normals.iter_mut().zip(made) {
+            if !is_usable(normal) {
+                *normal = made;
+            }
+        }
     }
 
     /// For each vertex the number of its position; equal positions have one number.
@@ -225,6 +285,16 @@ impl Mesh {
     }
 }
 
+/// Whether a normal points somewhere.
+pub(super) fn is_usable(normal: &Vec3) -> bool {
+    normal.length_squared().is_normal()
+}
+
+/// `v` with a length of 1; `None` if it has no direction.
+fn unit(v: DVec3) -> Option<Vec3> {
+    v.try_normalize().map(|v| v.as_vec3())
+}
+
 /// See [`Mesh::make_tangents`].
 const MAX_FACES_AT_A_VERTEX: u32 = 2000;
 
@@ -300,6 +370,20 @@ mod tests {
         assert_eq!(mesh.triangles(), [[1, 2, 0], [2, 3, 0]]);
         mesh.make_flat_normals();
         assert_eq!(mesh.normals, vec![Vec3::Z; 6]);
+    }
+
+    #[test]
+    fn normals_without_a_direction_come_from_the_faces() {
+        for flipped in [false, true] {
+            let front = if flipped { Vec3::NEG_Z } else { Vec3::Z };
+            let mut mesh = quad();
+            mesh.normals = vec![Vec3::ZERO, Vec3::X, Vec3::NAN, Vec3::X];
+            mesh.mend_normals(flipped);
+            assert_eq!(mesh.normals, [front, Vec3::X, front, Vec3::X]);
+            mesh.normals = vec![Vec3::ZERO; 4];
+            mesh.mend_normals(flipped);
+            assert_eq!(mesh.normals, vec![front; 6]);
+        }
     }
 
     #[test]

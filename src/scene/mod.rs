@@ -21,6 +21,7 @@ mod bounds;
 mod build;
 mod builtin;
 mod camera;
+mod content;
 mod files;
 mod gltf;
 mod hash;
@@ -34,6 +35,7 @@ mod place;
 mod shading;
 mod store;
 mod texture;
+mod uri;
 
 pub use bounds::{Bounds, Containment, Frustum};
 pub use camera::{Camera, Projection};

@@ -58,7 +58,7 @@ impl Scene {
         let matrix = camera.view_projection(extent);
         if !matrix.is_finite() {
             return Err(Error::Usage(format!(
-                "the camera `{}` has no finite projection: {:?}",
+                "the camera `{:.60}` shows nothing that is finite: {}",
                 camera.name, camera.projection
             )));
         }

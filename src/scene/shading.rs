@@ -171,7 +171,7 @@ mod tests {
         }
         same!([&vertex, &fragment, &mask], "Frame", Frame:
             to_viewer_x to_viewer_y to_viewer_w key_direction key_color sky horizon ground);
-        same!([&fragment, &mask], "Material", Block: base_color emissive surface flags uv_rows);
+        same!([&fragment, &mask], "Material", Block: base_color emissive surface specular flags uv_rows);
         same!([&vertex], "Draw", Draw: clip model_x model_y model_z);
     }
 }

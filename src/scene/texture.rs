@@ -64,6 +64,26 @@ pub(super) fn decode_rgba(bytes: &[u8]) -> std::result::Result<(Extent, Vec<u8>)
     Ok((extent, picture.into_rgba8().into_raw()))
 }
 
+/// Whether the picture in `bytes` can have transparent pixels: a PNG whose colour type has alpha (4 and 6,
+/// at byte 25) or that makes a colour transparent by a `tRNS` chunk.
+pub(super) fn has_alpha(bytes: &[u8]) -> bool {
+    const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+    let Some(mut chunks) = bytes.strip_prefix(SIGNATURE) else { return false };
+    if matches!(bytes.get(25), Some(4 | 6)) {
+        return true;
+    }
+    // Each has a length, a name, as many bytes and a checksum; tRNS comes before the pixels.
+    while let Some((head, rest)) = chunks.split_first_chunk::<8>() {
+        let length = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        match &head[4..] {
+            b"tRNS" => return true,
+            b"IDAT" => return false,
+            _ => chunks = rest.get(length.saturating_add(4)..).unwrap_or_default(),
+        }
+    }
+    false
+}
+
 /// A texture of `texels` (RGBA, 8 bits each) with all its mip levels.
 ///
 /// Each level averages the one above it over exactly the area that its texels cover, odd sizes

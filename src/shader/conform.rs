@@ -97,7 +97,7 @@ fn attempt(
     create: &mut dyn FnMut(&Shader) -> Result<()>,
     result: &mut Conformance,
 ) -> std::result::Result<(), (Step, String)> {
-    let shader = Shader::from_file(folder, path).map_err(|e| (Step::Compile, reason(e)))?;
+    let shader = Shader::load(folder, path).map_err(|e| (Step::Compile, reason(e)))?;
     result.compiled += 1;
     let kernels: &[&[u32]] = match shader.stage {
         Stage::Vertex => &[prebuilt::VERTEX],

@@ -15,6 +15,7 @@ pub mod conform;
 mod include;
 mod interface;
 mod module;
+mod reach;
 mod reflect;
 mod resource;
 pub mod splice;
@@ -26,9 +27,20 @@ mod usage;
 #[cfg(all(test, feature = "glsl"))]
 pub(crate) mod testing {
     pub use super::{compile::tests::kernel, splice::tests::complaint};
+
+    /// A shader of any kind, also one that no pass can draw with.
+    pub fn any_shader(
+        stage: super::Stage,
+        label: &str,
+        source: &str,
+    ) -> crate::Result<super::Shader> {
+        let words = super::compile::compile(stage, label, source, None)?;
+        super::Shader::reflected(stage, label, &words)
+    }
 }
 
 use crate::{Error, Result};
+use std::hash::{DefaultHasher, Hash, Hasher};
 #[cfg(feature = "glsl")]
 use std::path::Path;
 
@@ -42,16 +54,34 @@ pub enum Stage {
 }
 
 /// A vertex or fragment shader: SPIR-V with entry point `main`, and what reflection found in it.
+///
+/// It asks for nothing that a pass cannot give: textures of two dimensions with float texels, samplers that
+/// do not compare, blocks, triangles. Two shaders are equal if they are the same stage of the same module,
+/// whatever their labels are.
 #[derive(Clone, Debug)]
 pub struct Shader {
-    /// For messages: usually the file name.
-    pub label: String,
-    /// The stage.
-    pub stage: Stage,
-    /// The module, unchanged, as the device's graphics pipeline takes it.
-    pub spirv: Vec<u32>,
-    /// What it binds, reads and writes.
-    pub reflection: Reflection,
+    pub(crate) label: String,
+    pub(crate) stage: Stage,
+    pub(crate) spirv: Vec<u32>,
+    pub(crate) reflection: Reflection,
+    /// Why no pass can draw with it, if so: then it is of no use but for splicing.
+    pub(crate) refusal: Option<String>,
+    /// Of the words. Equal hashes do not make shaders equal: the words are compared.
+    pub(crate) hash: u64,
+}
+
+impl PartialEq for Shader {
+    fn eq(&self, other: &Self) -> bool {
+        self.hash == other.hash && self.stage == other.stage && self.spirv == other.spirv
+    }
+}
+
+impl Eq for Shader {}
+
+impl Hash for Shader {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.hash.hash(state);
+    }
 }
 
 /// What kind of resource a shader binds at one `(set, binding)`.
@@ -185,7 +215,8 @@ impl Shader {
     /// Compiles Vulkan GLSL (`source`) with entry point `main`.
     ///
     /// # Errors
-    /// [`crate::Error::Shader`] with the compiler's messages, which name lines of `source`.
+    /// [`crate::Error::Shader`] with the compiler's messages, which name lines of `source`; as
+    /// [`Shader::from_spirv`].
     #[cfg(feature = "glsl")]
     pub fn from_glsl(stage: Stage, label: &str, source: &str) -> Result<Shader> {
         Self::from_spirv(stage, label, &compile::compile(stage, label, source, None)?)
@@ -199,6 +230,12 @@ impl Shader {
     /// [`Shader::from_glsl`].
     #[cfg(feature = "glsl")]
     pub fn from_file(root: &Path, path: &Path) -> Result<Shader> {
+        Self::load(root, path)?.drawable()
+    }
+
+    /// As [`Shader::from_file`], also of what no pass can draw with.
+    #[cfg(feature = "glsl")]
+    pub(crate) fn load(root: &Path, path: &Path) -> Result<Shader> {
         let stage = match path.extension().and_then(|e| e.to_str()) {
             Some("vert") => Stage::Vertex,
             Some("frag") => Stage::Fragment,
@@ -208,17 +245,76 @@ impl Shader {
         let source = String::from_utf8_lossy(&bytes);
         let label = path.strip_prefix(root).unwrap_or(path).display().to_string();
         let words = compile::compile(stage, &label, &include::allowed(&source), Some(path))?;
-        Self::from_spirv(stage, &label, &words)
+        Self::reflected(stage, &label, &words)
     }
 
     /// Takes a SPIR-V module whose entry point for `stage` is called `main`.
     ///
     /// # Errors
-    /// [`crate::Error::Shader`] if the words are no module or have no such entry point.
+    /// [`crate::Error::Shader`] if the words are no module or have no such entry point, or if the shader
+    /// asks for what no pass can give it.
     pub fn from_spirv(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
-        let reflection = module::parse(words)
+        Self::reflected(stage, label, words)?.drawable()
+    }
+
+    /// As [`Shader::from_spirv`], also of what no pass can draw with.
+    pub(crate) fn reflected(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
+        let (reflection, refusal) = module::parse(words)
             .and_then(|module| reflect::reflect(&module, stage))
             .map_err(|reason| Error::shader(label, reason))?;
-        Ok(Shader { label: label.into(), stage, spirv: words.to_vec(), reflection })
+        let mut hasher = DefaultHasher::new();
+        words.hash(&mut hasher);
+        let (label, hash) = (label.into(), hasher.finish());
+        Ok(Shader { label, stage, spirv: words.to_vec(), reflection, refusal, hash })
+    }
+
+    /// The shader, if a pass can draw with it.
+    fn drawable(self) -> Result<Shader> {
+        match self.refusal {
+            Some(reason) => Err(Error::shader(self.label, reason)),
+            None => Ok(self),
+        }
+    }
+
+    /// For messages: usually the file name.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// The stage.
+    pub fn stage(&self) -> Stage {
+        self.stage
+    }
+
+    /// The module, unchanged, as the device's graphics pipeline takes it.
+    pub fn spirv(&self) -> &[u32] {
+        &self.spirv
+    }
+
+    /// What it binds, reads and writes.
+    pub fn reflection(&self) -> &Reflection {
+        &self.reflection
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shaders_are_equal_by_their_words_and_by_nothing_else() {
+        let shader = |label: &str, words: &[u32], hash| Shader {
+            label: label.into(),
+            stage: Stage::Vertex,
+            spirv: words.to_vec(),
+            reflection: Reflection::default(),
+            refusal: None,
+            hash,
+        };
+        let one = shader("one", &[1, 2, 3], 7);
+        assert_eq!(one, shader("another name", &[1, 2, 3], 7));
+        // Hashes that collide are not enough.
+        assert_ne!(one, shader("one", &[1, 2, 4], 7));
+        assert_ne!(one, Shader { stage: Stage::Fragment, ..one.clone() });
     }
 }

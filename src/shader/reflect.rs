@@ -4,7 +4,7 @@ use super::{
     Reflection, Stage, block,
     interface::{self, Variable},
     module::{Index, Outcome, ids},
-    resource,
+    reach, resource,
     usage::Usage,
 };
 use rspirv::{
@@ -12,8 +12,8 @@ use rspirv::{
     spirv::{BuiltIn, Decoration, ExecutionMode, Op, StorageClass},
 };
 
-/// Reflects the entry point `main` of `stage`.
-pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<Reflection> {
+/// Reflects the entry point `main` of `stage`; says also why no pass can draw with it, if so.
+pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<(Reflection, Option<String>)> {
     let index = Index::new(module);
     let usage = Usage::new(&index, stage)?;
     let mut reflection = Reflection::default();
@@ -43,7 +43,7 @@ pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<Reflection> 
         reflection.has_side_effects |= has_side_effect(&index, instruction);
         reflection.takes_derivatives |= stage == Stage::Fragment && takes_derivative(op);
     }
-    Ok(reflection)
+    Ok((reflection, reach::refusal(&index, &usage, stage)?))
 }
 
 fn add_varyings(
@@ -150,10 +150,12 @@ pub(super) fn is_atomic(op: Op) -> bool {
 
 #[cfg(all(test, feature = "glsl"))]
 mod tests {
-    use crate::shader::{Dimension, Interpolation, ResourceKind, Scalar, Shader, Stage};
+    use crate::shader::{
+        Dimension, Interpolation, ResourceKind, Scalar, Shader, Stage, testing::any_shader,
+    };
 
     fn fragment(body: &str) -> Shader {
-        Shader::from_glsl(Stage::Fragment, "test.frag", &format!("#version 460\n{body}")).unwrap()
+        any_shader(Stage::Fragment, "test.frag", &format!("#version 460\n{body}")).unwrap()
     }
 
     #[test]

@@ -66,7 +66,7 @@ const VARIABLES: [&str; 8] = [
 pub fn doctor() -> Doctor {
     let environment: Vec<_> =
         VARIABLES.iter().filter_map(|v| Some((v.to_string(), std::env::var(v).ok()?))).collect();
-    let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    let variable = |name: &str| std::env::var_os(name);
     let drivers = drivers::examine_all(variable);
     let loader = loader().map_err(|e| e.to_string());
     let mut findings = Vec::new();

@@ -25,9 +25,41 @@ pub(super) fn examine_all(variable: impl Fn(&str) -> Option<OsString>) -> Vec<Dr
     driver_files(variable).iter().map(|path| examine(path)).collect()
 }
 
-/// What to do when the loader finds no driver at all.
+/// Why the loader finds no driver: where it looks, and each file there with its fault. `variable` gives
+/// empty variables too.
+pub(super) fn why_none(variable: impl Fn(&str) -> Option<OsString>) -> String {
+    let only = ONLY.into_iter().find_map(|name| Some((name, variable(name)?)));
+    let place = match &only {
+        Some((_, value)) if value.is_empty() => String::new(),
+        Some((name, value)) => format!(" in {name}={}", value.display()),
+        None => String::new(),
+    };
+    // What the list names and the loader passes over.
+    let listed = only.iter().flat_map(|(_, value)| std::env::split_paths(value));
+    let passed_over = listed.filter_map(|path| match () {
+        () if path.as_os_str().is_empty() => None,
+        () if path.is_dir() => (json_files(&path).is_empty())
+            .then(|| format!("{} is a folder without .json files", path.display())),
+        () if path.extension().is_none_or(|e| e != "json") => {
+            Some(format!("the name {} does not end in .json", path.display()))
+        }
+        () => None,
+    });
+    let faults = examine_all(&variable).into_iter().filter_map(|file| {
+        let fault = file.fault?;
+        Some(format!("{} {fault}", file.path.display()))
+    });
+    let faults: Vec<String> = passed_over.chain(faults).collect();
+    let colon = if faults.is_empty() { "" } else { ": " };
+    format!("no Vulkan driver was found{place}{colon}{}", faults.join(", "))
+}
+
+/// What to do when the loader finds no driver at all. `variable` gives empty variables too.
 pub(super) fn fix_of_none(variable: impl Fn(&str) -> Option<OsString>) -> String {
     match ONLY.into_iter().find(|name| variable(name).is_some()) {
+        Some(name) if variable(name).is_some_and(|value| value.is_empty()) => {
+            format!("{name} is empty, which hides all drivers: unset it")
+        }
         Some(name) => format!("unset {name}, or name the .json of a driver that is there"),
         None => INSTALL_DRIVER.into(),
     }
@@ -95,7 +127,10 @@ pub(super) fn hardware_without_driver(
 fn driver_files(list: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     let split = |v: OsString| std::env::split_paths(&v).collect::<Vec<_>>();
     let mut roots = Vec::new();
-    if let Some(only) = ONLY.into_iter().find_map(&list) {
+    let only = ONLY.into_iter().find_map(&list);
+    // The others count as unset if they are empty.
+    let list = |name: &str| list(name).filter(|value| !value.is_empty());
+    if let Some(only) = only {
         roots.extend(split(only));
     } else {
         roots.extend(list("VK_ADD_DRIVER_FILES").map(split).unwrap_or_default());
@@ -113,16 +148,21 @@ fn driver_files(list: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for root in roots {
         if root.is_dir() {
-            let Ok(entries) = std::fs::read_dir(&root) else { continue };
-            let mut found: Vec<_> = entries.flatten().map(|e| e.path()).collect();
-            found.retain(|p| p.extension().is_some_and(|e| e == "json"));
-            found.sort();
-            files.extend(found);
+            files.extend(json_files(&root));
         } else if root.extension().is_some_and(|e| e == "json") {
             files.push(root);
         }
     }
     files
+}
+
+/// The .json files of a folder.
+fn json_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut found: Vec<_> = entries.map(|e| e.path()).collect();
+    found.retain(|p| p.extension().is_some_and(|e| e == "json"));
+    found.sort();
+    found
 }
 
 /// Reads a driver file and looks for its library.
@@ -222,6 +262,26 @@ mod tests {
         let set = |name: &str| (name == "VK_ICD_FILENAMES").then(|| OsString::from("x"));
         assert!(gone.fix(set).contains("VK_ICD_FILENAMES"));
         assert!(fix_of_none(set).contains("VK_ICD_FILENAMES"));
+        let empty = |name: &str| (name == "VK_ICD_FILENAMES").then(OsString::new);
+        assert_eq!(
+            fix_of_none(empty),
+            "VK_ICD_FILENAMES is empty, which hides all drivers: unset it"
+        );
+        assert!(examine_all(empty).is_empty());
+        assert_eq!(why_none(empty), "no Vulkan driver was found");
+        fs::write(folder.path().join("driver.json"), "{ broken").unwrap();
+        fs::create_dir(folder.path().join("none")).unwrap();
+        for (name, said) in [
+            ("driver.json", "driver.json is no JSON"),
+            ("gone.json", "gone.json cannot be read"),
+            ("none", "none is a folder without .json files"),
+            ("libvulkan.so", "libvulkan.so does not end in .json"),
+            ("", "driver.json is no JSON"),
+        ] {
+            let list = folder.path().join(name).into_os_string();
+            let why = why_none(|n| (n == "VK_DRIVER_FILES").then(|| list.clone()));
+            assert!(why.contains(said) && why.contains("VK_DRIVER_FILES="), "{why}");
+        }
         assert_eq!(fix_of_none(unset), INSTALL_DRIVER);
     }
 

@@ -6,6 +6,7 @@ use super::{
     error::{capacity, describe},
     instance::Instance,
     limits::{DrawLimits, Limits, draw_limits, limits},
+    placeholder::Placeholders,
     requirements::Probe,
     sampler::SamplerKey,
     table::{self, TableSizes},
@@ -21,7 +22,7 @@ use std::{
     collections::HashMap,
     path::PathBuf,
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError, RwLock,
+        Arc, Mutex, MutexGuard, PoisonError, RwLock, Weak,
         atomic::{AtomicBool, AtomicU32, Ordering},
     },
     time::Duration,
@@ -99,6 +100,8 @@ pub(crate) struct Shared {
     pub table_layout: vk::DescriptorSetLayout,
     pub table_sizes: TableSizes,
     pub(super) samplers: Mutex<HashMap<SamplerKey, vk::Sampler>>,
+    /// What free slots of resource tables show, as long as there is a table.
+    pub(super) placeholders: Mutex<Weak<Placeholders>>,
     /// Set once the device was lost or did not answer: nothing is waited for any more.
     pub lost: AtomicBool,
     /// Whose turn it is, see `access.rs`.
@@ -192,6 +195,7 @@ impl Gpu {
             table_layout: vk::DescriptorSetLayout::null(),
             table_sizes,
             samplers: Mutex::default(),
+            placeholders: Mutex::default(),
             lost: AtomicBool::new(false),
             turn: RwLock::new(()),
             #[cfg(test)]

@@ -1,6 +1,9 @@
 //! The loader, the instance, and the messages of the validation layer.
 
-use super::drivers::fix_of_none;
+use super::{
+    drivers::{examine_all, fix_of_none, why_none},
+    inherited::check_address_space,
+};
 use crate::error::{Error, Result};
 use ash::{ext, vk};
 use std::{
@@ -81,6 +84,7 @@ pub(super) fn loader() -> Result<&'static ash::Entry> {
 
 impl Instance {
     pub fn new(validation: bool) -> Result<Self> {
+        check_address_space()?;
         let entry = loader()?;
         // SAFETY: a query without preconditions.
         let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
@@ -144,19 +148,17 @@ impl Instance {
         }
         // SAFETY: all pointers in `info` outlive the call; `messages` outlives the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
-            Error::Device(match e {
-                vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
-                    let variable = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty());
-                    let place = match std::env::var("VK_DRIVER_FILES") {
-                        Ok(files) if !files.is_empty() => format!(" in VK_DRIVER_FILES={files}"),
-                        _ => String::new(),
-                    };
-                    format!(
-                        "no Vulkan driver was found{place}; {} (`tilewright doctor` says more)",
-                        fix_of_none(variable)
-                    )
-                }
-                e => format!("the Vulkan instance could not be created: {e}"),
+            // For a broken driver file, loaders give the reason that memory is short.
+            let variable = |name: &str| std::env::var_os(name);
+            let no_driver = e == vk::Result::ERROR_INCOMPATIBLE_DRIVER
+                || examine_all(variable).iter().any(|file| file.fault.is_some());
+            Error::Device(match no_driver {
+                true => format!(
+                    "{}; {} (`tilewright doctor` says more)",
+                    why_none(variable),
+                    fix_of_none(variable)
+                ),
+                false => format!("the Vulkan instance could not be created: {e}"),
             })
         })?;
         let messenger = if validation {

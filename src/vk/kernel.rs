@@ -80,7 +80,7 @@ impl Kernel {
                 let id = plain.constants.iter().find(|c| c.0 == *name).map(|c| c.1);
                 let id = id.ok_or_else(|| {
                     let known: Vec<_> = plain.constants.iter().map(|c| c.0.as_str()).collect();
-                    fault(format!("has no constant `{name}`; it has {known:?}"))
+                    fault(format!("has no constant `{name}`; it has `{}`", known.join("`, `")))
                 })?;
                 specialized.insert(id, *value);
             }
@@ -115,6 +115,11 @@ impl Kernel {
     /// The name it was made with.
     pub fn name(&self) -> &str {
         &self.0.name
+    }
+
+    /// Whether somebody else holds a clone, a recording for example.
+    pub(crate) fn is_shared(&self) -> bool {
+        Arc::strong_count(&self.0) > 1
     }
 
     /// Invocations of one workgroup, in each direction.

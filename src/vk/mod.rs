@@ -14,6 +14,7 @@
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
 //! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
 //! | `resources` | host data uploaded once, recognised by the identity of its `Arc` |
+//! | `inherited` | whether there is a standard output, and a limit of memory |
 //! | `doctor`, `drivers` | what is there, what is missing, and the exact fix |
 //!
 //! # Synchronisation
@@ -47,10 +48,12 @@ mod drivers;
 mod error;
 mod gpu;
 mod image;
+mod inherited;
 mod instance;
 mod kernel;
 mod limits;
 mod owner;
+mod placeholder;
 mod recorder;
 mod recording;
 mod reflect;
@@ -70,10 +73,12 @@ pub use limits::Limits;
 pub use recorder::{Dispatch, Recorder};
 pub use recording::{Recording, Timings};
 pub use requirements::{Missing, OPTIONAL, Optional, REQUIREMENTS, Requirement};
-pub use resources::Resources;
+pub use resources::{Cached, Resources};
 pub use sampler::Sampler;
 pub use table::{ResourceTable, TableSizes};
 
 pub(crate) use capability::missing_feature;
 pub(crate) use image::vk_format;
+#[cfg(feature = "cli")]
+pub(crate) use inherited::stdout_was_closed;
 pub(crate) use recording::Commands;

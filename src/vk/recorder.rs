@@ -282,8 +282,8 @@ impl Dispatch<'_> {
         let kernel = &self.kernel.0;
         let fault = |text: String| Err(Error::Usage(format!("kernel `{}` {text}", kernel.name)));
         let Some(block) = kernel.binding(name) else {
-            let names: Vec<_> = self.kernel.buffers().collect();
-            return fault(format!("binds no `{name}`; it binds {names:?}"));
+            let names = self.kernel.buffers().collect::<Vec<_>>().join("`, `");
+            return fault(format!("binds no `{name}`; it binds `{names}`"));
         };
         if let Some(stride) = block.stride.filter(|&s| s as usize != size_of::<T>()) {
             return fault(format!(

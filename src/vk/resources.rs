@@ -1,8 +1,10 @@
 //! Host data on the device: each buffer and texture of a [`crate::pass::Pass`] is uploaded once and
 //! recognised by the identity of its `Arc`.
 //!
-//! The cache holds the `Arc`, so that an address cannot be reused while its upload is known. What
-//! nobody else holds any more is forgotten by [`Resources::trim`].
+//! Kernels and pipelines are recognised by content, which is small; to look at the content of a texture
+//! costs about as much as to upload it. The cache has a `Weak` of what it knows, so that the address cannot
+//! be used again while the upload is known, and host memory goes when its owner lets it go. The upload
+//! itself goes with the next pass ([`Resources::trim`]).
 
 use super::{
     buffer::{Buffer, Memory},
@@ -13,10 +15,13 @@ use super::{
 };
 use crate::{
     error::Result,
-    pass,
+    pass::{self, BufferRange},
     texture::{self, Texture},
 };
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::HashMap,
+    sync::{Arc, Weak},
+};
 
 /// Copies run once this much waits for them: a scene's textures are not kept twice over.
 const PENDING_BYTES: usize = 64 << 20;
@@ -24,15 +29,34 @@ const PENDING_BYTES: usize = 64 << 20;
 /// Uploaded buffers and textures.
 pub struct Resources {
     gpu: Gpu,
-    buffers: HashMap<*const pass::Buffer, (Arc<pass::Buffer>, Buffer<u8>)>,
-    textures: HashMap<*const Texture, (Arc<Texture>, Image)>,
+    /// By address.
+    buffers: HashMap<usize, (Weak<pass::Buffer>, Buffer<u8>)>,
+    textures: HashMap<usize, (Weak<Texture>, Image)>,
+    /// Copies of ranges that are shorter than the block they are read as, with zeros behind.
+    padded: HashMap<Padded, (Weak<pass::Buffer>, Buffer<u8>)>,
     /// Copies that [`Resources::flush`] has to run, and the bytes that wait in host memory for them.
     pending: Option<Recorder>,
     pending_bytes: usize,
 }
 
-// SAFETY: the pointers are keys only; what they point to is held by the `Arc` beside them.
-unsafe impl Send for Resources {}
+/// What an executor keeps for the passes to come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cached {
+    /// Kernels of users' shaders, or pipelines of the device's own.
+    pub pipelines: usize,
+    /// Those that were ever compiled. It stays where it is while all that passes need is there.
+    pub pipelines_made: u64,
+    /// Uploaded buffers.
+    pub buffers: usize,
+    /// Uploaded textures.
+    pub textures: usize,
+    /// Resource tables, those of passes that are prepared included.
+    pub tables: usize,
+}
+
+/// A buffer's address, which the weak reference keeps from being used again; offset and bytes of the range;
+/// bytes of the block.
+type Padded = (usize, usize, usize, usize);
 
 impl Resources {
     /// An empty cache.
@@ -41,6 +65,7 @@ impl Resources {
             gpu: gpu.clone(),
             buffers: HashMap::new(),
             textures: HashMap::new(),
+            padded: HashMap::new(),
             pending: None,
             pending_bytes: 0,
         }
@@ -51,21 +76,46 @@ impl Resources {
     /// # Errors
     /// [`crate::Error::Capacity`] without memory for it.
     pub fn buffer(&mut self, buffer: &Arc<pass::Buffer>) -> Result<Buffer<u8>> {
-        if let Some((_, uploaded)) = self.buffers.get(&Arc::as_ptr(buffer)) {
+        let address = Arc::as_ptr(buffer) as usize;
+        if let Some((_, uploaded)) = self.buffers.get(&address) {
             return Ok(uploaded.clone());
         }
-        let uploaded = if self.gpu.0.unified_memory {
+        let uploaded = self.upload(&buffer.label, &buffer.bytes)?;
+        self.buffers.insert(address, (Arc::downgrade(buffer), uploaded.clone()));
+        Ok(uploaded)
+    }
+
+    /// The upload of `range` for a shader that reads it as a uniform block of `block` bytes. Kernels bring
+    /// such blocks in without a look at bounds, so that a range that is shorter is copied and zeros follow.
+    ///
+    /// # Errors
+    /// As [`Resources::buffer`], and [`crate::Error::Usage`] if the range is outside its buffer.
+    pub fn block(&mut self, range: &BufferRange, block: usize) -> Result<Buffer<u8>> {
+        let BufferRange { buffer, offset, bytes } = range;
+        let whole = *offset..offset.saturating_add(*bytes);
+        if *bytes >= block {
+            return self.buffer(buffer)?.slice(whole);
+        }
+        let key = (Arc::as_ptr(buffer) as usize, *offset, *bytes, block);
+        if let Some((_, uploaded)) = self.padded.get(&key) {
+            return Ok(uploaded.clone());
+        }
+        let mut content = buffer.bytes.get(whole).unwrap_or_default().to_vec();
+        content.resize(block, 0);
+        let uploaded = self.upload(&format!("{} and zeros", buffer.label), &content)?;
+        self.padded.insert(key, (Arc::downgrade(buffer), uploaded.clone()));
+        Ok(uploaded)
+    }
+
+    fn upload(&mut self, label: &str, content: &[u8]) -> Result<Buffer<u8>> {
+        if self.gpu.0.unified_memory {
             // The host's memory is the device's: a copy would only cost memory and time.
-            Buffer::upload(&self.gpu, &buffer.label, &buffer.bytes)?
-        } else {
-            let (len, memory) = (buffer.bytes.len(), Memory::Device);
-            let uploaded = Buffer::new(&self.gpu, &buffer.label, len, memory)?;
-            self.pending()?.upload(&uploaded, &buffer.bytes)?;
-            self.pending_bytes += len;
-            self.flush_above(PENDING_BYTES)?;
-            uploaded
-        };
-        self.buffers.insert(Arc::as_ptr(buffer), (buffer.clone(), uploaded.clone()));
+            return Buffer::upload(&self.gpu, label, content);
+        }
+        let uploaded = Buffer::new(&self.gpu, label, content.len(), Memory::Device)?;
+        self.pending()?.upload(&uploaded, content)?;
+        self.pending_bytes += content.len();
+        self.flush_above(PENDING_BYTES)?;
         Ok(uploaded)
     }
 
@@ -75,7 +125,8 @@ impl Resources {
     /// [`crate::Error::Capacity`] without memory for it, [`crate::Error::Usage`] if its levels are
     /// not those of its size.
     pub fn texture(&mut self, texture: &Arc<Texture>) -> Result<Image> {
-        if let Some((_, uploaded)) = self.textures.get(&Arc::as_ptr(texture)) {
+        let address = Arc::as_ptr(texture) as usize;
+        if let Some((_, uploaded)) = self.textures.get(&address) {
             return Ok(uploaded.clone());
         }
         let uploaded = Image::new(
@@ -91,7 +142,7 @@ impl Resources {
         self.pending()?.upload_image(&uploaded, &texture.levels)?;
         self.pending_bytes += texture.levels.iter().map(Vec::len).sum::<usize>();
         self.flush_above(PENDING_BYTES)?;
-        self.textures.insert(Arc::as_ptr(texture), (texture.clone(), uploaded.clone()));
+        self.textures.insert(address, (Arc::downgrade(texture), uploaded.clone()));
         Ok(uploaded)
     }
 
@@ -119,10 +170,17 @@ impl Resources {
         if self.pending_bytes > bytes { self.flush() } else { Ok(()) }
     }
 
-    /// Forgets what nobody else holds.
+    /// Forgets what nobody holds any more.
     pub fn trim(&mut self) {
-        self.buffers.retain(|_, (held, _)| Arc::strong_count(held) > 1);
-        self.textures.retain(|_, (held, _)| Arc::strong_count(held) > 1);
+        self.buffers.retain(|_, (holder, _)| holder.strong_count() > 0);
+        self.textures.retain(|_, (holder, _)| holder.strong_count() > 0);
+        self.padded.retain(|_, (holder, _)| holder.strong_count() > 0);
+    }
+
+    /// The uploads that are kept.
+    pub fn cached(&self) -> Cached {
+        let (buffers, textures) = (self.buffers.len(), self.textures.len());
+        Cached { buffers, textures, ..Cached::default() }
     }
 
     fn pending(&mut self) -> Result<&mut Recorder> {

@@ -13,18 +13,13 @@ use super::{
     buffer::{Buffer, Memory, RawBuffer},
     error::capacity,
     gpu::{Gpu, Shared},
-    image::{Image, ImageInfo, ImageUse},
+    image::{Image, ImageUse},
     owner::same_device,
-    recorder::Recorder,
+    placeholder::Placeholders,
     requirements::Probe,
     sampler::Sampler,
 };
-use crate::{
-    error::{Error, Result},
-    format::Format,
-    image::Extent,
-    texture,
-};
+use crate::error::{Error, Result};
 use ash::vk;
 use bytemuck::Pod;
 use std::{
@@ -144,11 +139,9 @@ pub struct ResourceTable {
     raw: Arc<RawTable>,
     /// Slot by (binding, handles, offset, bytes): the same resource is stored once.
     slots: HashMap<Key, u32>,
+    /// Whether every resource takes a slot of its own, see [`ResourceTable::take_fresh_slots`].
+    fresh: bool,
     used: [u32; KINDS.len()],
-    dummy_buffer: Buffer<u32>,
-    dummy_sampled: Image,
-    dummy_storage: Image,
-    dummy_sampler: Sampler,
 }
 
 /// Identity of a resource in the table.
@@ -160,8 +153,9 @@ pub(super) struct RawTable {
     pool: vk::DescriptorPool,
     /// Where the buffers are, by slot, if kernels read them by address.
     pub addresses: Option<Buffer<u64>>,
-    /// Everything a slot may show.
+    /// Everything that a taken slot may show, and what free ones do.
     keep: Mutex<Vec<Arc<dyn Any + Send + Sync>>>,
+    placeholders: Arc<Placeholders>,
     pub(super) gpu: Gpu,
 }
 
@@ -182,6 +176,7 @@ impl ResourceTable {
             .flags(vk::DescriptorPoolCreateFlags::UPDATE_AFTER_BIND)
             .max_sets(1)
             .pool_sizes(&sizes);
+        let placeholders = Placeholders::of(gpu)?;
         // SAFETY: the device is alive; `RawTable` owns the pool from here on.
         let pool = unsafe { gpu.0.device.create_descriptor_pool(&info, None) }
             .map_err(|e| gpu.failure("creating the resource table", e))?;
@@ -190,6 +185,7 @@ impl ResourceTable {
             pool,
             addresses: None,
             keep: Mutex::default(),
+            placeholders,
             gpu: gpu.clone(),
         };
         let layouts = [gpu.0.table_layout];
@@ -204,32 +200,12 @@ impl ResourceTable {
             raw.addresses = Some(Buffer::new(gpu, "buffer addresses", count, Memory::Upload)?);
         }
 
-        let one = |name, usage| {
-            let extent = Extent::new(1, 1);
-            let info = ImageInfo { name, extent, format: Format::Rgba8Unorm, levels: 1, usage };
-            Image::new(gpu, &info)
-        };
-        let dummy_sampled = one("unused texture slot", ImageUse::Sampled)?;
-        let dummy_storage = one("unused storage image slot", ImageUse::Storage)?;
-        let dummy_buffer = Buffer::upload(gpu, "unused buffer slot", &[0; 64])?;
-        let dummy_sampler = Sampler::new(gpu, &texture::Sampler::default())?;
-        let mut recorder = Recorder::new(gpu, "unused table slots")?;
-        recorder.upload_image(&dummy_sampled, &[&[0; 4]])?;
-        recorder.upload_image(&dummy_storage, &[&[0; 4]])?;
-        recorder.submit()?;
-
         let table = Self {
             raw: Arc::new(raw),
             slots: HashMap::new(),
+            fresh: false,
             used: [0; KINDS.len()],
-            dummy_buffer,
-            dummy_sampled,
-            dummy_storage,
-            dummy_sampler,
         };
-        table.keep(table.dummy_buffer.raw().clone());
-        table.keep(table.dummy_sampled.0.clone());
-        table.keep(table.dummy_storage.0.clone());
         for (binding, count) in gpu.0.table_sizes.by_binding().into_iter().enumerate() {
             table.fill(binding as u32, 0, count)?;
         }
@@ -247,15 +223,19 @@ impl ResourceTable {
             self.fill(binding as u32, 0, used)?;
         }
         self.slots.clear();
-        // The first three are the content of free slots.
-        self.raw.keep.lock().unwrap_or_else(PoisonError::into_inner).truncate(3);
+        self.raw.keep.lock().unwrap_or_else(PoisonError::into_inner).clear();
         Ok(())
     }
 
-    /// Forgets which resource is where, so that the next one gets a slot of its own even if it has
-    /// one: consecutive slots for the elements of an array.
-    pub fn forget(&mut self) {
-        self.slots.clear();
+    /// Whether a recording has the table bound.
+    pub fn is_bound(&self) -> bool {
+        Arc::strong_count(&self.raw) > 1
+    }
+
+    /// Whether each resource that is inserted from now on takes the next free slot, even if it has one
+    /// already: the elements of an array need slots that follow each other.
+    pub fn take_fresh_slots(&mut self, fresh: bool) {
+        self.fresh = fresh;
     }
 
     /// Slots that are taken, by binding.
@@ -299,7 +279,7 @@ impl ResourceTable {
         use vk::Handle;
         same_device(self, sampler)?;
         let key = (2, sampler.handle.as_raw(), 0, 0, 0);
-        if let Some(&slot) = self.slots.get(&key) {
+        if let Some(slot) = self.known(&key) {
             return Ok(slot);
         }
         let gpu = self.raw.gpu.clone();
@@ -330,7 +310,7 @@ impl ResourceTable {
         same_device(self, buffer)?;
         let (offset, bytes) = check_binding(&self.raw.gpu, buffer)?;
         let key = (4, buffer.raw().handle.as_raw(), 0, offset, bytes);
-        if let Some(&slot) = self.slots.get(&key) {
+        if let Some(slot) = self.known(&key) {
             return Ok(slot);
         }
         let gpu = self.raw.gpu.clone();
@@ -359,7 +339,7 @@ impl ResourceTable {
         image: &Image,
     ) -> Result<u32> {
         same_device(self, image)?;
-        if let Some(&slot) = self.slots.get(&key) {
+        if let Some(slot) = self.known(&key) {
             return Ok(slot);
         }
         let storage = key.0 == 3;
@@ -385,6 +365,11 @@ impl ResourceTable {
         shared.then(|| gpu.0.host_turn()).transpose()
     }
 
+    /// The slot that the resource has and may share.
+    fn known(&self, key: &Key) -> Option<u32> {
+        self.slots.get(key).filter(|_| !self.fresh).copied()
+    }
+
     /// The next free slot of the key's binding.
     fn take(&mut self, key: Key) -> Result<u32> {
         let binding = key.0 as usize;
@@ -399,7 +384,9 @@ impl ResourceTable {
             )));
         }
         self.used[binding] += 1;
-        self.slots.insert(key, slot);
+        if !self.fresh {
+            self.slots.insert(key, slot);
+        }
         Ok(slot)
     }
 
@@ -409,14 +396,15 @@ impl ResourceTable {
 
     /// Makes `count` slots from `first` on show what free slots show.
     fn fill(&self, binding: u32, first: u32, count: u32) -> Result<()> {
-        let sampler = self.dummy_sampler.handle;
+        let Placeholders { buffer, sampled, storage, sampler } = &*self.raw.placeholders;
+        let sampler = sampler.handle;
         let image = match binding {
-            0 => image_info(&self.dummy_sampled, sampler),
+            0 => image_info(sampled, sampler),
             2 => vk::DescriptorImageInfo::default().sampler(sampler),
-            3 => image_info(&self.dummy_storage, vk::Sampler::null()),
-            _ => image_info(&self.dummy_sampled, vk::Sampler::null()),
+            3 => image_info(storage, vk::Sampler::null()),
+            _ => image_info(sampled, vk::Sampler::null()),
         };
-        let raw = self.dummy_buffer.raw();
+        let raw = buffer.raw();
         let buffer = buffer_info(raw, 0, raw.size);
         let mut at = first;
         while at < first + count {

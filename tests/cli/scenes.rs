@@ -1,7 +1,7 @@
 //! Drawing and comparing.
 
 use super::tool::{command, decode, finish, names, run};
-use std::{fs, time::Duration};
+use std::fs;
 use tilewright::image::{linear_to_srgb, srgb_to_linear};
 
 /// The keys of `parity --json`, all of them and nothing else.
@@ -45,7 +45,7 @@ fn parity_needs_a_device_that_names_its_triangles() {
     // Said before anything is read or drawn: the scene is not even one.
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
     let line = ["parity", scene, "--device", &gpu.info().uuid];
-    finish(command().args(line), Duration::from_secs(60)).expect(3).saying(&[
+    finish(command().args(line)).expect(3).saying(&[
         &gpu.info().name,
         "gl_PrimitiveID",
         "tilewright devices",
@@ -65,7 +65,7 @@ fn the_width_of_subgroups_decides_nothing() {
             command.env("LP_NATIVE_VECTOR_WIDTH", bits).env("MESA_SHADER_CACHE_DISABLE", "1");
             command.env("TILEWRIGHT_CACHE", "off");
             let line = ["render", scene, "--size", "323x181", "-o", "-"];
-            let run = finish(command.args(line), Duration::from_secs(120)).expect(0);
+            let run = finish(command.args(line)).expect(0);
             let run = run.saying(&[&format!("{bits} bits")]);
             let picture = decode(&run.stdout);
             (picture.size, picture.rgba)
@@ -160,7 +160,7 @@ fn shaders_are_counted_and_refusals_have_reasons() {
     shader("good.vert", "void main() { gl_Position = vec4(0); }");
     shader("bad.frag", "void main() { this is no GLSL; }");
     let line = ["conform", "shaders", folder.path().to_str().unwrap(), "--json"];
-    let report = finish(command().args(line), Duration::from_secs(120));
+    let report = finish(command().args(line));
     assert!(matches!(report.code, Some(0 | 1)), "{}", report.stderr);
     let report = report.json();
     assert_eq!(report["schema_version"], 1);

@@ -47,6 +47,9 @@ pub fn files(folder: &Path, extensions: &[&str]) -> Vec<PathBuf> {
 const SCENES: [&str; 3] = ["gltf", "glb", "obj"];
 
 /// Loads `path` and checks a pass of it, at rest and at a moment; a hang fails.
+/// After how long a file counts as hanging, on the slowest and busiest machine too.
+const HANGS: Duration = Duration::from_secs(30 * 60);
+
 fn load(path: &Path) -> Result<Scene, Error> {
     let (send, receive) = mpsc::channel();
     let owned = path.to_path_buf();
@@ -61,7 +64,7 @@ fn load(path: &Path) -> Result<Scene, Error> {
         // No one listens any more once the time is up.
         let _ = send.send(scene);
     });
-    match receive.recv_timeout(Duration::from_secs(60)) {
+    match receive.recv_timeout(HANGS) {
         Ok(result) => result,
         Err(e) => panic!("{}: {e}", path.display()),
     }

@@ -2,8 +2,10 @@
 
 mod damaged;
 mod files;
+mod lenient;
 mod loaded;
 mod moved;
+mod obj;
 mod precision;
 mod valid;
 

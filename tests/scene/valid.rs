@@ -62,7 +62,7 @@ fn check_vertices(pipeline: &Pipeline, draw: &Draw, i: usize) {
         assert_eq!((range.offset + attribute.offset as usize) % alignment, 0);
         assert_eq!(binding.stride as usize % alignment, 0);
     }
-    for input in &pipeline.vertex.reflection.inputs {
+    for input in &pipeline.vertex.reflection().inputs {
         let location = input.location;
         let fed = pipeline.vertex_attributes.iter().any(|a| a.location == location);
         assert!(fed, "draw {i} has nothing for location {location}");
@@ -71,7 +71,7 @@ fn check_vertices(pipeline: &Pipeline, draw: &Draw, i: usize) {
 
 fn check_bindings(pipeline: &Pipeline, draw: &Draw, i: usize) {
     for shader in [&pipeline.vertex, &pipeline.fragment] {
-        let reflection = &shader.reflection;
+        let reflection = shader.reflection();
         assert!(reflection.push_constant_bytes as usize <= draw.push_constants.len());
         assert!(draw.push_constants.len() <= 128, "more than every device has");
         for resource in &reflection.resources {

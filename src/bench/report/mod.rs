@@ -8,9 +8,9 @@ mod page;
 mod plot;
 
 use super::{
-    rows::ratios,
-    statistics::{FLOOR, geometric_mean},
-    table::{interval, number, text},
+    rows::Means,
+    statistics::FLOOR,
+    table::{how, interval, number, remarks, text, unfinished},
 };
 use page::{Html, escape};
 use serde_json::Value;
@@ -27,7 +27,7 @@ pub fn report(document: &Value) -> String {
     cost(&mut html, rows);
     limits(&mut html, document, rows);
     environment(&mut html, &document["environment"]);
-    method(&mut html);
+    method(&mut html, &document["settings"]);
     html.finish()
 }
 
@@ -41,20 +41,35 @@ fn label(row: &Value) -> String {
 }
 
 fn summary(html: &mut Html, document: &Value, rows: &[Value]) {
-    let device = &document["environment"]["device"];
+    let environment = &document["environment"];
+    let device = &environment["device"];
     html.line(&format!(
-        "<p class=lead>{} on {}, {} cores.</p>",
+        "<p class=lead>{} on {}, {} cores. {}{}</p>",
         escape(&text(&device["driver"])),
-        escape(&text(&document["environment"]["cpu"])),
-        text(&document["environment"]["cores"])
+        escape(&processor(environment)),
+        text(&environment["cores"]),
+        environment["date"].as_str().map_or(String::new(), |date| format!("{}. ", escape(date))),
+        environment["commit"]
+            .as_str()
+            .map_or(String::new(), |commit| format!("Commit {}.", escape(commit))),
     ));
+    if document["complete"] == false {
+        html.line(&format!("<p class=ambiguous>{}</p>", escape(&unfinished(document))));
+    }
     html.line("<div class=tiles>");
-    if let Some(mean) = geometric_mean(ratios(rows)) {
+    let means = Means::new(rows);
+    if let Some(mean) = means.all {
         html.line(&format!(
             "<div class=tile><b>{mean:.2}</b>geometric mean of classic time / compute time</div>"
         ));
     }
-    for verdict in ["FASTER", "SAME", "AMBIGUOUS", "SLOWER", "INVALID"] {
+    if let (Some(best), Some(mean)) = (means.best, means.without_best) {
+        html.line(&format!(
+            "<div class=tile><b>{mean:.2}</b>the same without the best scene, {}</div>",
+            escape(&best)
+        ));
+    }
+    for verdict in ["FASTER", "SAME", "AMBIGUOUS", "SLOWER", "BUSY", "INVALID"] {
         let count = rows.iter().filter(|row| row["verdict"] == verdict).count();
         if count > 0 || matches!(verdict, "FASTER" | "SLOWER") {
             html.line(&format!(
@@ -66,30 +81,66 @@ fn summary(html: &mut Html, document: &Value, rows: &[Value]) {
     html.line("</div>");
 }
 
+/// The processor with what its name does not say.
+fn processor(environment: &Value) -> String {
+    let name = text(&environment["cpu"]);
+    let part = |key: &str| environment["processor"][key].as_str();
+    match (part("family"), part("model"), part("stepping")) {
+        (Some(family), Some(model), Some(stepping)) => {
+            format!("{name} (family {family}, model {model}, stepping {stepping})")
+        }
+        _ => name,
+    }
+}
+
 fn results(html: &mut Html, rows: &[Value]) {
-    html.section("Results", "Whole frames, in milliseconds. The bar is the ratio on a logarithmic scale: right of the middle compute is faster, left of it classic is.");
-    html.line("<table><tr><th class=l>scene<th>triangles<th>compute ms<th>classic ms<th>ratio<th>95 % interval<th class=c>1/16 &middot; 1 &middot; 16<th class=l>verdict");
+    html.section("Results", "Whole frames, in milliseconds. The bar is the ratio on a logarithmic scale: right of the middle compute is faster, left of it classic is. Winners are pixels that show another triangle; colour is the largest difference of a channel, of 255. The second line of a scene is a frame in which everything changes: compute prepares and executes it, classic uploads and records it anew.");
+    html.line("<table><tr><th class=l>scene<th>triangles<th>compute ms<th>classic ms<th>ratio<th>95 % interval<th class=c>1/16 &middot; 1 &middot; 16<th>rounds<th>winners<th>colour<th class=l>verdict");
     for row in rows {
+        let difference = &row["difference"];
         html.line(&format!(
-            "<tr><td class=l>{}<td>{}<td>{}<td>{}<td><b>{}</b><td>{}<td>{}<td class='l verdict {}'>{}",
+            "<tr><td class=l>{}<td>{}{}<td>{}<td>{}{}",
             label(row),
             text(&row["counts"]["triangles"]),
-            number(&row["compute"]["frame_ms"], 2),
-            number(&row["classic"]["frame_ms"], 2),
-            number(&row["ratio"], 2),
-            interval(&row["ratio_interval"]),
-            plot::ratio_bar(row["ratio"].as_f64(), &class(row)),
-            class(row),
-            text(&row["verdict"]),
+            times(row),
+            text(&difference["winner_differing"]),
+            text(&difference["colour_max"]),
+            verdict(row),
         ));
+        if row["changing"].is_object() {
+            let changing = &row["changing"];
+            html.line(&format!(
+                "<tr class=more><td class=l>everything changes<td>{}<td><td>{}",
+                times(changing),
+                verdict(changing),
+            ));
+        }
+        for remark in remarks(row) {
+            html.line(&format!(
+                "<tr class=more><td class='l remark {}' colspan=11>{}",
+                class(row),
+                escape(&remark)
+            ));
+        }
     }
     html.line("</table>");
-    for row in rows.iter().filter(|row| row["images_equal"] == false) {
-        html.line(&format!(
-            "<p class=invalid>{}: the pictures differ, so that its times say nothing.</p>",
-            label(row)
-        ));
-    }
+}
+
+/// The cells from the times to the rounds.
+fn times(row: &Value) -> String {
+    format!(
+        "<td>{}<td>{}<td><b>{}</b><td>{}<td>{}<td>{}",
+        number(&row["compute"]["frame_ms"], 2),
+        number(&row["classic"]["frame_ms"], 2),
+        number(&row["ratio"], 2),
+        interval(&row["ratio_interval"]),
+        plot::ratio_bar(row["ratio"].as_f64(), &class(row)),
+        text(&row["rounds"]),
+    )
+}
+
+fn verdict(row: &Value) -> String {
+    format!("<td class='l verdict {}'>{}", class(row), text(&row["verdict"]))
 }
 
 fn skipped(html: &mut Html, skipped: &Value) {
@@ -100,7 +151,7 @@ fn skipped(html: &mut Html, skipped: &Value) {
 }
 
 fn stages(html: &mut Html, rows: &[Value]) {
-    html.section("Stages", "Compute's stages by the device's clock, measured in frames of their own, above the whole frame of classic; both bars of a row have one scale. Timestamps cost barriers, so the stages may add up to more than the frame.");
+    html.section("Stages", "The upper bar is the frame of compute, the lower one that of classic: the times of the table above, on one scale in each row. Compute's frame is shared out among its stages and a remainder, which is submitting, waiting and the gaps between dispatches. Stages were timed in frames of their own, since timestamps cost barriers, and their times scaled to the measured frame. Classic's frame is shared out between the device's own time and the remainder.");
     html.line(&plot::stage_legend(rows));
     html.line("<table class=bars>");
     for row in rows {
@@ -165,7 +216,7 @@ fn limits(html: &mut Html, document: &Value, rows: &[Value]) {
             let part = stage.and_then(|stage| {
                 let bytes = stage["least_bytes"].as_f64()? / copy?;
                 let counted = stage["least_atomics"].as_f64()? / atomics?;
-                let ms = stage["ms"].as_f64().filter(|ms| *ms > 0.0)?;
+                let ms = stage["timed_ms"].as_f64().filter(|ms| *ms > 0.0)?;
                 Some((bytes + counted) * 1e3 / ms)
             });
             html.line(&part.map_or("<td>-".into(), |part| format!("<td>{:.0} %", part * 100.0)));
@@ -189,15 +240,20 @@ fn environment(html: &mut Html, environment: &Value) {
     html.line("</table>");
 }
 
-fn method(html: &mut Html) {
+fn method(html: &mut Html, settings: &Value) {
     html.section("How it was measured", "");
+    if let Some(how) = how(settings) {
+        html.line(&format!("<p>{}.</p>", escape(&how)));
+    }
     html.line(&format!(
         "<p>Both executors draw the same pass on the same device. Their pictures are compared first, on \
-         16-bit float targets, with the limits of <code>tilewright parity</code>. Then both draw in turns, a \
-         frame each, in one process, after two frames that are not counted. A frame lasts from its submission \
-         until its fence has signalled. Bringing the picture to the host is part of neither. Intervals are distribution-free, made of order statistics. FASTER and SLOWER \
-         mean that the whole interval of the ratio is on one side of 1 and the ratio is off by more than \
-         {0} %, SAME that the interval is within {0} % of 1, AMBIGUOUS anything else.</p>",
+         16-bit float targets, with the limits of <code>tilewright parity</code>. Then both draw in rounds, \
+         a frame each, in one process, and take turns in who begins. A frame lasts from its submission until \
+         its fence has signalled. Bringing the picture to the host is part of neither. Intervals are \
+         distribution-free, made of order statistics. FASTER and SLOWER mean that the whole interval of the \
+         ratio is on one side of 1 and the ratio is off by more than {0} %, SAME that the interval is within \
+         {0} % of 1, BUSY that the machine was not quiet meanwhile, INVALID that the pictures differ, \
+         AMBIGUOUS anything else.</p>",
         FLOOR * 100.0
     ));
 }
@@ -212,17 +268,21 @@ mod tests {
             "name": name, "size": "64x48", "axes": { "area": area, "depth": depth },
             "images_equal": verdict != "INVALID", "verdict": verdict, "ratio": ratio,
             "ratio_interval": [ratio * 0.9, ratio * 1.1],
-            "compute": { "frame_ms": 2.0, "stages": [
-                { "stage": "clear", "ms": 0.5, "least_bytes": 1000, "least_atomics": 0 },
-                { "stage": "a<b", "ms": 1.0, "least_bytes": null, "least_atomics": null },
+            "compute": { "frame_ms": 2.0, "remainder_ms": 0.5, "stages": [
+                { "stage": "clear", "ms": 0.5, "timed_ms": 0.6, "least_bytes": 1000, "least_atomics": 0 },
+                { "stage": "a<b", "ms": 1.0, "timed_ms": 1.2, "least_bytes": null, "least_atomics": null },
             ] },
-            "classic": { "frame_ms": 2.0 * ratio }, "counts": { "triangles": 9 },
+            "classic": { "frame_ms": 2.0 * ratio, "device_ms": 1.9 * ratio }, "counts": { "triangles": 9 },
+            "rounds": 21, "difference": { "winner_differing": 3, "colour_max": 1 },
+            "changing": { "ratio": 0.5, "verdict": verdict, "compute": { "frame_ms": 5.5 } },
+            "quiet": { "is_quiet": true, "reasons": [] },
         })
     }
 
     fn document() -> Value {
         json!({
             "environment": { "device": { "driver": "A & <B>" }, "cpu": "C", "cores": 2,
+                "processor": { "family": "25", "model": "1", "stepping": "0" }, "commit": "abc",
                 "rates": { "copy_bytes_per_second": 1e9, "atomics_per_second": 1e8 } },
             "rows": [
                 row("x <script>", json!(1.0), 1, 2.0, "FASTER"),
@@ -251,10 +311,38 @@ mod tests {
     #[test]
     fn losing_and_invalid_rows_are_on_the_page() {
         let page = report(&document());
-        for shown in ["SLOWER", "INVALID", "0.25", "the pictures differ", "no &amp; time"] {
+        for shown in [
+            "SLOWER",
+            "INVALID",
+            "0.25",
+            "the pictures differ",
+            "no &amp; time",
+            "everything changes",
+            "5.50",
+            "family 25, model 1, stepping 0",
+            "Commit abc",
+        ] {
             assert!(page.contains(shown), "{shown}");
         }
         // A row whose pictures differ is no part of the mean: the root of 2 times a quarter.
         assert!(page.contains("<b>0.71</b>geometric mean"));
+        assert!(page.contains("<b>0.25</b>the same without the best scene, x &lt;script&gt;"));
+    }
+
+    #[test]
+    fn a_bar_is_as_long_as_the_frame_it_stands_for() {
+        let mut slower = row("y", json!(1.0), 1, 0.5, "SLOWER");
+        // Stages that take little of the frame: the remainder fills the bar.
+        slower["compute"] = json!({ "frame_ms": 2.0, "remainder_ms": 1.5, "stages": [
+            { "stage": "clear", "ms": 0.5, "timed_ms": 0.4 } ] });
+        let bars = plot::stages(&slower);
+        let widths: Vec<f64> = bars
+            .match_indices("width='")
+            .filter_map(|(at, found)| bars[at + found.len()..].split('\'').next()?.parse().ok())
+            .collect();
+        // Compute: the stage and the remainder; classic: the device's time and the remainder.
+        let [stage, rest, device, other] = widths[..] else { panic!("{widths:?}: {bars}") };
+        assert!(((stage + rest) / (device + other) - 2.0).abs() < 0.01, "{widths:?}");
+        assert!((rest / stage - 3.0).abs() < 0.01, "{widths:?}");
     }
 }

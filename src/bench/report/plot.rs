@@ -57,7 +57,9 @@ pub fn stage_legend(rows: &[Value]) -> String {
             escape(&name)
         );
     }
-    legend + "<span class=key><i style='background:var(--even)'></i>classic</span></p>"
+    legend
+        + "<span class=key><i style='background:var(--rest)'></i>remainder</span>\
+           <span class=key><i style='background:var(--even)'></i>classic, by the device's clock</span></p>"
 }
 
 fn stage_color(name: &str) -> &'static str {
@@ -74,39 +76,59 @@ fn stage_color(name: &str) -> &'static str {
     color(known.iter().position(|stage| *stage == name).unwrap_or(known.len()))
 }
 
-/// The stages of a row one behind the other, and classic's frame below.
+/// The frames of a row: compute's with its stages and the remainder, classic's below.
 pub fn stages(row: &Value) -> String {
-    let stages = row["compute"]["stages"].as_array().map_or(&[][..], Vec::as_slice);
-    let total: f64 = stages.iter().filter_map(|stage| stage["ms"].as_f64()).sum();
-    let classic = row["classic"]["frame_ms"].as_f64().unwrap_or(0.0);
-    let (width, scale) = (680.0, 680.0 / total.max(classic).max(1e-9));
+    let frame = |side: &str| row[side]["frame_ms"].as_f64().unwrap_or(0.0);
+    let (compute, classic) = (frame("compute"), frame("classic"));
+    let (width, scale) = (680.0, 680.0 / compute.max(classic).max(1e-9));
     // Room for the figures behind the bars.
     let mut out = format!(
         "<svg width='100%' height=34 viewBox='0 0 {} 34' preserveAspectRatio='xMinYMid'>",
         width + 90.0
     );
-    let mut x = 0.0;
-    for stage in stages {
+    let mut at = 0.0;
+    for stage in row["compute"]["stages"].as_array().into_iter().flatten() {
         let (name, ms) = (text(&stage["stage"]), stage["ms"].as_f64().unwrap_or(0.0));
-        let length = ms * scale;
-        let _ = write!(
-            out,
-            "<rect x='{x:.1}' y=2 width='{length:.1}' height=16 fill='{}'>\
-             <title>{} {ms:.3} ms</title></rect>",
-            stage_color(&name),
-            escape(&name)
-        );
-        x += length;
+        let fill = format!("fill='{}'", stage_color(&name));
+        part(&mut out, (at, ms, scale), (2, 16), &fill, &name);
+        at += ms;
     }
-    let _ = write!(out, "<text x='{:.1}' y=15>{total:.2} ms</text>", x + 6.0);
-    let length = classic * scale;
+    let rest = "class=rest";
+    part(&mut out, (at, (compute - at).max(0.0), scale), (2, 16), rest, "remainder");
+    figure(&mut out, compute, scale, 15);
+    let device = row["classic"]["device_ms"].as_f64().unwrap_or(classic).min(classic);
+    part(
+        &mut out,
+        (0.0, device, scale),
+        (21, 9),
+        "class=classic",
+        "classic, by the device's clock",
+    );
+    part(&mut out, (device, classic - device, scale), (21, 9), rest, "remainder");
+    figure(&mut out, classic, scale, 30);
+    out + "</svg>"
+}
+
+/// A part of a bar: where it begins and how long it is, in milliseconds, and its place and height.
+fn part(
+    out: &mut String,
+    (from, ms, scale): (f64, f64, f64),
+    (y, height): (u32, u32),
+    style: &str,
+    name: &str,
+) {
     let _ = write!(
         out,
-        "<rect class=classic x=0 y=21 width='{length:.1}' height=9></rect>\
-         <text x='{:.1}' y=30>{classic:.2} ms</text></svg>",
-        length + 6.0
+        "<rect x='{:.1}' y={y} width='{:.1}' height={height} {style}><title>{} {ms:.3} ms</title></rect>",
+        from * scale,
+        ms * scale,
+        escape(name)
     );
-    out
+}
+
+/// The milliseconds behind a bar.
+fn figure(out: &mut String, ms: f64, scale: f64, y: u32) {
+    let _ = write!(out, "<text x='{:.1}' y={y}>{ms:.2} ms</text>", ms * scale + 6.0);
 }
 
 /// A point of a crossover: area in pixels, ratio, its interval.

@@ -8,6 +8,7 @@ use super::{
         talk,
     },
     cases::Case,
+    interrupt,
 };
 use crate::{
     bench::{self, Alone},
@@ -16,7 +17,17 @@ use crate::{
     vk::{DeviceInfo, Gpu},
 };
 use serde_json::Value;
-use std::process::{Command, Stdio};
+use std::process::Command;
+
+/// The variable that makes a run of the tool such a process: it holds the executor. No option, since
+/// nobody should be offered it.
+const VARIABLE: &str = "TILEWRIGHT_BENCH_ALONE";
+
+/// The executor that this process is for, if it is one of these processes.
+pub fn executor() -> Option<Backend> {
+    let wanted = std::env::var(VARIABLE).ok()?;
+    [Backend::Compute, Backend::Classic].into_iter().find(|backend| backend.name() == wanted)
+}
 
 /// Draws `pass` with caches as they are and prints what it took.
 ///
@@ -53,18 +64,21 @@ fn twice(
 ) -> std::result::Result<[Alone; 2], String> {
     let text = |e: std::io::Error| e.to_string();
     let program = std::env::current_exe().map_err(text)?;
-    let caches = tempfile::tempdir().map_err(text)?;
+    let caches = interrupt::Folder::new().map_err(text)?;
     let once = || {
         let mut command = Command::new(&program);
         command
-            .args(["bench", &case.label.scene, "--alone", backend.name()])
+            .env(VARIABLE, backend.name())
+            .arg("bench")
+            .arg(case.typed())
             .args(["--size", &case.label.extent.to_string(), "--device", &device.uuid])
-            .args(retyped(&args.view))
-            .stdin(Stdio::null());
+            .args(["--seed", &args.seed.to_string()])
+            .args(retyped(&args.view));
         for (axis, value) in &case.label.settings {
             command.arg("--axis").arg(format!("{}={value}", axis.name()));
         }
-        let output = bench::in_empty_caches(&mut command, caches.path()).output().map_err(text)?;
+        let command = bench::in_empty_caches(&mut command, caches.path());
+        let output = interrupt::output(command).map_err(text)?;
         let said = String::from_utf8_lossy(&output.stderr);
         let found = serde_json::from_slice(&output.stdout).ok();
         found

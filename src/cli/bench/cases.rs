@@ -12,6 +12,7 @@ use crate::{
     image::Extent,
     pass::Pass,
 };
+use std::ffi::{OsStr, OsString};
 
 /// The size that is measured if none is asked for.
 const DEFAULT_SIZE: Extent = Extent::new(1920, 1080);
@@ -31,6 +32,14 @@ enum Source {
 }
 
 impl Case {
+    /// As it can be typed again.
+    pub fn typed(&self) -> OsString {
+        match &self.source {
+            Source::Generated(_) => self.label.scene.clone().into(),
+            Source::Seen(view) => view.scene.typed(),
+        }
+    }
+
     /// Refuses to write over the scene.
     ///
     /// # Errors
@@ -76,7 +85,7 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
     if sizes.is_empty() {
         sizes.push(DEFAULT_SIZE);
     }
-    let typed: Vec<String> = match (args.scenes.as_slice(), axes.is_empty()) {
+    let typed: Vec<OsString> = match (args.scenes.as_slice(), axes.is_empty()) {
         ([], true) => bench::named()
             .iter()
             .filter(|scene| scene.name != bench::SHEET)
@@ -90,17 +99,18 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
     let mut cases = Vec::new();
     for extent in sizes {
         for typed in &typed {
-            match bench::find(typed) {
+            match typed.to_str().and_then(bench::find) {
                 Some(scene) => {
                     for settings in &settings {
-                        cases.push(generated(&scene, extent, settings)?);
+                        cases.push(generated(&scene, extent, settings, args.seed)?);
                     }
                 }
                 None if !axes.is_empty() => {
                     return Err(Error::Usage(format!(
-                        "--axis {} varies generated scenes, and `{typed}` is none \
+                        "--axis {} varies generated scenes, and `{}` is none \
                          (tilewright bench --list names them)",
-                        axes[0].0.name()
+                        axes[0].0.name(),
+                        typed.display()
                     )));
                 }
                 None => cases.push(seen(typed, extent, args)?),
@@ -112,7 +122,10 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
             });
             for settings in combinations(&axes) {
                 // They are about frames alone, and many.
-                cases.push(Case { alone: false, ..generated(&sheet, extent, &settings)? });
+                cases.push(Case {
+                    alone: false,
+                    ..generated(&sheet, extent, &settings, args.seed)?
+                });
             }
         }
     }
@@ -139,8 +152,13 @@ fn shorten(cases: &mut [Case]) {
     }
 }
 
-fn generated(scene: &Named, extent: Extent, settings: &[(Axis, String)]) -> Result<Case> {
-    let mut recipe = scene.recipe.clone();
+fn generated(
+    scene: &Named,
+    extent: Extent,
+    settings: &[(Axis, String)],
+    seed: u64,
+) -> Result<Case> {
+    let mut recipe = Recipe { seed, ..scene.recipe.clone() };
     for (axis, text) in settings {
         recipe
             .set(*axis, text)
@@ -156,15 +174,17 @@ fn generated(scene: &Named, extent: Extent, settings: &[(Axis, String)]) -> Resu
     Ok(Case { label, alone: true, source: Source::Generated(recipe) })
 }
 
-fn seen(typed: &str, extent: Extent, args: &BenchArgs) -> Result<Case> {
+fn seen(typed: &OsStr, extent: Extent, args: &BenchArgs) -> Result<Case> {
+    let text = typed.to_string_lossy();
     let scene = SceneName::new(typed).map_err(|error| match error {
-        Error::Input { .. } if !typed.contains(['.', '/']) => Error::Usage(format!(
-            "there is no scene `{typed}`: tilewright bench --list names those that are generated"
+        Error::Input { .. } if !text.contains(['.', '/']) => Error::Usage(format!(
+            "there is no scene `{text}`: tilewright bench --list names those that are generated"
         )),
         other => other,
     })?;
     let view = View::new(scene, extent, &args.view)?;
-    let label = Label { scene: typed.into(), title: typed.into(), extent, settings: Vec::new() };
+    let (scene, title) = (text.clone().into_owned(), text.into_owned());
+    let label = Label { scene, title, extent, settings: Vec::new() };
     Ok(Case { label, alone: true, source: Source::Seen(view) })
 }
 

@@ -6,7 +6,7 @@ use crate::{
     error::{Error, Result},
     format::Component,
     pass::Pipeline,
-    shader::{Dimension, ImageShape, Resource, ResourceKind, Scalar, Shader, Stage},
+    shader::{Resource, Scalar, Shader, Stage},
 };
 use std::collections::HashSet;
 
@@ -59,6 +59,9 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
         if shader.stage != stage {
             return Err(format!("shader `{}` is no {stage:?} shader", shader.label));
         }
+        if let Some(reason) = &shader.refusal {
+            return Err(format!("shader `{}`: {reason}", shader.label));
+        }
     }
     for binding in &pipeline.vertex_bindings {
         if binding.stride > STRIDE_BYTES {
@@ -67,25 +70,21 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     }
     check_attributes(pipeline)?;
     check_varyings(pipeline)?;
-    let resources = merged(&pipeline.vertex, &pipeline.fragment)?;
-    for resource in &resources {
-        let place = format!("set {} binding {}", resource.set, resource.binding);
-        if resource.kind == ResourceKind::StorageImage {
-            return Err(format!("{place} is a storage image, which cannot be bound"));
-        }
-        if let Some(shape) = resource.image.filter(|shape| !is_plain(shape)) {
-            return Err(format!("{place} is {shape:?}; textures are two-dimensional floats"));
-        }
-    }
-    Ok(resources)
+    check_outputs(&pipeline.fragment)?;
+    merged(&pipeline.vertex, &pipeline.fragment)
 }
 
-fn is_plain(shape: &ImageShape) -> bool {
-    shape.dimension == Dimension::D2
-        && !shape.arrayed
-        && !shape.multisampled
-        && !shape.shadow
-        && shape.texel == Scalar::Float
+/// Whether the fragment shader writes what the colour target holds. What it writes to other locations
+/// vanishes, as Vulkan has it.
+fn check_outputs(fragment: &Shader) -> Fault {
+    let outputs = fragment.reflection.outputs.iter();
+    match outputs.filter(|o| o.location == 0).find(|o| o.scalar != Scalar::Float) {
+        Some(output) => Err(format!(
+            "`{}` writes {:?} to location 0; colour targets hold floats",
+            fragment.label, output.scalar
+        )),
+        None => Ok(()),
+    }
 }
 
 fn check_attributes(pipeline: &Pipeline) -> Fault {
@@ -146,6 +145,14 @@ fn scalar(component: Component) -> Scalar {
 fn check_varyings(pipeline: &Pipeline) -> Fault {
     let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
     for input in &fragment.reflection.inputs {
+        if input.location >= abi::MAX_VARYINGS {
+            return Err(format!(
+                "`{}` reads location {}; there are {}",
+                fragment.label,
+                input.location,
+                abi::MAX_VARYINGS
+            ));
+        }
         let outputs = vertex.reflection.outputs.iter();
         let mut written = 0u32;
         for output in outputs.filter(|o| o.location == input.location) {

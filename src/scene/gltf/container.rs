@@ -1,8 +1,8 @@
 //! The two forms of a glTF file: JSON, and GLB with JSON and one buffer in it.
 
-use super::{data::Checks, pose::Local};
+use super::{super::uri::short, data::Checks, materials::OTHER_IMAGES, mend::mend, pose::Local};
 use gltf_json::Root;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 /// The parts of a file.
 pub(super) struct Container<'a> {
@@ -18,13 +18,19 @@ const CHUNK_JSON: u32 = u32::from_le_bytes(*b"JSON");
 const CHUNK_BIN: u32 = u32::from_le_bytes(*b"BIN\0");
 
 /// Extensions that a file may require because they are drawn as they should be.
-const DRAWN: [&str; 5] = [
+const DRAWN: [&str; 6] = [
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_unlit",
     "KHR_texture_transform",
     "KHR_materials_emissive_strength",
     "EXT_mesh_gpu_instancing",
     "KHR_mesh_quantization",
 ];
+
+/// Extensions for compressed geometry. An uncompressed copy may stand beside it, so each place that
+/// has some says whether it can be drawn; so does each texture of [`OTHER_IMAGES`].
+const COMPRESSED: [&str; 3] =
+    ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
 
 /// Extensions that change the look but no geometry: ignored with a warning even if required.
 fn only_changes_the_look(extension: &str) -> bool {
@@ -35,7 +41,7 @@ impl<'a> Container<'a> {
     /// Takes `bytes` apart and checks version and extensions.
     pub fn parse(bytes: &'a [u8], mut warn: impl FnMut(String)) -> Checks<Self> {
         let (json, binary) = match bytes.starts_with(GLB_MAGIC) {
-            true => split_glb(bytes)?,
+            true => split_glb(bytes, &mut warn)?,
             false => (bytes, None),
         };
         let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json).trim_ascii_start();
@@ -45,82 +51,83 @@ impl<'a> Container<'a> {
         if !json.starts_with(b"{") {
             return Err("the content is neither GLB nor a JSON object".into());
         }
-        let (root, locals) = read(json)?;
+        let (root, locals) = read(json, &mut warn)?;
         let wanted = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
         if !wanted.starts_with("2.")
             || root.asset.min_version.as_deref().is_some_and(|v| v != "2.0")
         {
-            return Err(format!("it says that it is glTF `{wanted}`; only 2.0 can be read"));
+            return Err(format!(
+                "it says that it is glTF `{}`; only 2.0 can be read",
+                short(wanted)
+            ));
         }
-        for extension in &root.extensions_required {
-            if DRAWN.contains(&extension.as_str()) {
-                continue;
-            }
-            if !only_changes_the_look(extension) {
+        let known = [&DRAWN[..], &COMPRESSED, &OTHER_IMAGES].concat();
+        let unknown = |list: &[String]| -> Vec<String> {
+            list.iter().filter(|name| !known.contains(&name.as_str())).cloned().collect()
+        };
+        for extension in unknown(&root.extensions_required) {
+            if !only_changes_the_look(&extension) {
                 return Err(format!(
-                    "it requires the extension {extension}, which is not supported; \
-                     export the file without it"
+                    "it requires the extension {}, which is not supported; \
+                     export the file without it",
+                    short(&extension)
                 ));
             }
         }
-        for extension in &root.extensions_used {
-            if !DRAWN.contains(&extension.as_str()) {
-                warn(format!("the extension {extension} is ignored"));
-            }
+        for extension in unknown(&root.extensions_used) {
+            warn(format!("the extension {} is ignored", short(&extension)));
         }
         Ok(Self { root, locals, binary })
     }
 }
 
-/// The typed document. What the parser refuses although glTF allows it is mended first: scenes
-/// without nodes, extras that are no objects, and animation channels without a node, which are to be
-/// passed over; so are lights, whose faults are none of ours.
-fn read(json: &[u8]) -> Checks<(Root, Vec<Local>)> {
-    let fault = |e| format!("the JSON is not glTF 2.0: {e}");
-    let mut document: Value = serde_json::from_slice(json).map_err(fault)?;
-    let nodes = document.get("nodes").and_then(Value::as_array);
-    let locals: Vec<Local> = nodes.into_iter().flatten().map(Local::of).collect();
-    let each = |list: Option<&mut Value>, mend: &dyn Fn(&mut Map<String, Value>)| {
-        let objects = list.and_then(Value::as_array_mut).into_iter().flatten();
-        objects.filter_map(Value::as_object_mut).for_each(mend);
+/// The typed document, and the transforms of its nodes.
+fn read(json: &[u8], warn: &mut dyn FnMut(String)) -> Checks<(Root, Vec<Local>)> {
+    let fault = |e: String| format!("the JSON is not glTF 2.0: {e}");
+    let mut stream = serde_json::Deserializer::from_slice(json).into_iter::<Value>();
+    let mut document = match stream.next() {
+        Some(Ok(document)) => document,
+        Some(Err(e)) => return Err(fault(e.to_string())),
+        None => return Err(fault("it is empty".into())),
     };
-    each(document.get_mut("scenes"), &|scene| {
-        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
-    });
-    each(document.get_mut("animations"), &|animation| {
-        if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
-            channels.retain(|c| c.get("target").is_none_or(|t| t.get("node").is_some()));
-        }
-    });
-    let unlit = |object: &mut Map<String, Value>| {
-        if let Some(extensions) = object.get_mut("extensions").and_then(Value::as_object_mut) {
-            extensions.remove("KHR_lights_punctual");
-        }
-    };
-    each(document.get_mut("nodes"), &unlit);
-    document.as_object_mut().map(unlit);
-    drop_extras(&mut document);
-    match serde_json::from_value(document) {
-        Ok(root) => Ok((root, locals)),
-        // Read once more for the line of the fault, which the document does not know.
-        Err(e) => Err(fault(Root::from_slice(json).err().unwrap_or(e))),
+    // Writers pad with zeros, and leave behind what the file held before it got shorter.
+    let rest = &json[stream.byte_offset()..];
+    if rest.iter().any(|b| *b != 0 && !b.is_ascii_whitespace()) {
+        warn(format!("{} bytes after the JSON are ignored", rest.len()));
+    }
+    let locals = document.get("nodes").and_then(Value::as_array).into_iter().flatten();
+    let locals: Vec<Local> = locals.map(Local::of).collect();
+    mend(&mut document, warn);
+    if is_gltf_1(&document) {
+        return Err(GLTF_1.into());
+    }
+    serde_json::from_value(document).map(|root| (root, locals)).map_err(|e| {
+        // The document does not know its lines; the text does, if it has no other fault before.
+        let (said, with_line) = (e.to_string(), Root::from_slice(json).err());
+        let with_line = with_line.map(|e| e.to_string()).filter(|line| line.starts_with(&said));
+        fault(with_line.unwrap_or(said))
+    })
+}
+
+/// glTF 1.0 had dictionaries where 2.0 has lists.
+fn is_gltf_1(document: &Value) -> bool {
+    let version = document.get("asset").and_then(|a| a.get("version")).and_then(Value::as_str);
+    let lists = ["accessors", "buffers", "bufferViews", "materials", "meshes", "nodes", "scenes"];
+    let dictionaries = lists.iter().any(|name| document.get(name).is_some_and(Value::is_object));
+    match version {
+        Some(version) => version == "1" || version.starts_with("1."),
+        None => dictionaries,
     }
 }
 
-/// Removes what applications keep for themselves: it may be of any type, and nothing here reads it.
-fn drop_extras(value: &mut Value) {
-    match value {
-        Value::Object(members) => {
-            members.remove("extras");
-            members.values_mut().for_each(drop_extras);
-        }
-        Value::Array(elements) => elements.iter_mut().for_each(drop_extras),
-        _ => {}
-    }
-}
+const GLTF_1: &str = "it is glTF 1.0; 2.0 is needed: export it anew, or convert it (`gltf-pipeline` \
+                      does)";
 
 /// JSON and buffer of a GLB.
-fn split_glb(bytes: &[u8]) -> Checks<(&[u8], Option<&[u8]>)> {
+fn split_glb<'a>(
+    bytes: &'a [u8],
+    warn: &mut dyn FnMut(String),
+) -> Checks<(&'a [u8], Option<&'a [u8]>)> {
     let word = |at: usize| {
         let bytes = bytes.get(at..at + 4)?;
         Some(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
@@ -128,6 +135,9 @@ fn split_glb(bytes: &[u8]) -> Checks<(&[u8], Option<&[u8]>)> {
     let (Some(version), Some(length)) = (word(4), word(8)) else {
         return Err("it ends inside the GLB header".into());
     };
+    if version == 1 {
+        return Err(GLTF_1.into());
+    }
     if version != 2 {
         return Err(format!("it is a GLB of version {version}; only version 2 can be read"));
     }
@@ -143,9 +153,14 @@ fn split_glb(bytes: &[u8]) -> Checks<(&[u8], Option<&[u8]>)> {
         let Some(chunk) = bytes.get(at + 8..).and_then(|rest| rest.get(..size as usize)) else {
             return Err(format!("a GLB chunk of {size} bytes reaches beyond the end of the file"));
         };
-        match (kind, json) {
-            (CHUNK_JSON, None) => json = Some(chunk),
-            (CHUNK_BIN, Some(_)) if binary.is_none() => binary = Some(chunk),
+        match kind {
+            CHUNK_JSON if json.is_none() => json = Some(chunk),
+            CHUNK_BIN if binary.is_none() => {
+                if json.is_none() {
+                    warn("the buffer of the GLB comes before its JSON".into());
+                }
+                binary = Some(chunk);
+            }
             _ => {} // chunks of other kinds are for others
         }
         at += 8 + size as usize;
@@ -185,6 +200,10 @@ mod tests {
             assert!(Container::parse(&bytes[..cut], drop).is_err(), "cut at {cut}");
         }
         assert!(fault(&glb(&[(b"BIN\0", b"abcd")])).contains("no JSON chunk"));
+        let mut warnings = Vec::new();
+        let turned = glb(&[(b"ODD\0", b"?"), (b"BIN\0", b"abcd"), (b"JSON", MINIMAL)]);
+        let container = Container::parse(&turned, |w| warnings.push(w)).unwrap();
+        assert_eq!((container.binary, warnings.len()), (Some(&b"abcd"[..]), 1));
     }
 
     #[test]
@@ -196,6 +215,33 @@ mod tests {
         assert!(root.scenes[0].nodes.is_empty() && root.animations[0].channels.is_empty());
         let wrong = br#"{"asset":{"version":"2.0"},"scenes":[{}],"meshes":[{}]}"#;
         assert!(fault(wrong).contains("line"), "the fault is that of the file as it stands");
+        let wrong = br#"{"asset":{"version":2.0},"scenes":[{}],"meshes":[{}]}"#;
+        assert!(fault(wrong).contains("primitives"), "{}", fault(wrong));
+    }
+
+    #[test]
+    fn what_follows_the_json_is_no_part_of_it() {
+        for (padding, count) in [(&b"\0\0\0"[..], 0), (b" \n\0 ", 0), (b"}]", 1), (b"\0\x01", 1)] {
+            let json = [MINIMAL, padding].concat();
+            for bytes in [glb(&[(b"JSON", &json), (b"BIN\0", b"abcd")]), json] {
+                let mut warnings = Vec::new();
+                Container::parse(&bytes, |w| warnings.push(w)).unwrap();
+                assert_eq!(warnings.len(), count, "{padding:?}: {warnings:?}");
+            }
+        }
+        assert!(fault(br#"{"asset":{"version":"2.0"}"#).contains("EOF"));
+    }
+
+    #[test]
+    fn gltf_1_is_said_to_be_one() {
+        for old in [
+            &br#"{"asset":{"version":"1.0"},"meshes":{"a":{}}}"#[..],
+            br#"{"asset":{"version":1},"nodes":{}}"#,
+            br#"{"accessors":{"a":{}},"scene":"default"}"#,
+            b"glTF\x01\0\0\0\x14\0\0\0\0\0\0\0\0\0\0\0",
+        ] {
+            assert!(fault(old).contains("glTF 1.0; 2.0 is needed"), "{}", fault(old));
+        }
     }
 
     #[test]
@@ -215,13 +261,12 @@ mod tests {
 
     #[test]
     fn versions_and_required_extensions() {
-        assert!(fault(br#"{"asset":{"version":"1.0"}}"#).contains("glTF `1.0`"));
-        let required = br#"{"asset":{"version":"2.0"},
-            "extensionsRequired":["KHR_draco_mesh_compression"]}"#;
-        assert!(fault(required).contains("KHR_draco_mesh_compression"));
+        assert!(fault(br#"{"asset":{"version":"3.0"}}"#).contains("glTF `3.0`"));
+        let required = br#"{"asset":{"version":"2.0"},"extensionsRequired":["EXT_other"]}"#;
+        assert!(fault(required).contains("EXT_other"));
         let mut warnings = Vec::new();
-        let used = br#"{"asset":{"version":"2.0"},"extensionsUsed":["KHR_texture_basisu"]}"#;
+        let used = br#"{"asset":{"version":"2.0"},"extensionsUsed":["EXT_other"]}"#;
         Container::parse(used, |w| warnings.push(w)).unwrap();
-        assert!(warnings[0].contains("KHR_texture_basisu"));
+        assert!(warnings[0].contains("EXT_other"));
     }
 }

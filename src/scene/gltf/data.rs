@@ -2,8 +2,8 @@
 
 use super::super::{
     build::Stream,
-    files,
     store::{Slice, Store},
+    uri,
 };
 use crate::{
     format::{Component, VertexFormat},
@@ -59,6 +59,17 @@ pub(super) fn get<'r, T>(list: &'r [T], index: usize, what: &str) -> Checks<&'r 
     })
 }
 
+/// Compression of buffer views, under its two names.
+const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// What is said of data that only a decoder could read.
+pub(super) fn compressed(extension: &str) -> String {
+    format!(
+        "it is compressed by {extension}, which cannot be read, and has no uncompressed copy; export \
+         the file without compression, or decompress it (`gltf-transform copy` does)"
+    )
+}
+
 fn component_bytes(component: ComponentType) -> usize {
     match component {
         ComponentType::I8 | ComponentType::U8 => 1,
@@ -72,7 +83,7 @@ impl<'a> Data<'a> {
     pub fn new(root: &'a Root, folder: &Path, binary: Option<&'a [u8]>) -> Self {
         let read = |(i, buffer): (usize, &'a gltf_json::Buffer)| {
             let bytes: Cow<[u8]> = match (&buffer.uri, binary) {
-                (Some(uri), _) => Cow::Owned(read_uri(uri, folder)?),
+                (Some(uri), _) => Cow::Owned(uri::read(uri, folder)?),
                 (None, Some(binary)) if i == 0 => Cow::Borrowed(binary),
                 (None, _) => return Err(format!("buffer {i} has neither a URI nor a GLB chunk")),
             };
@@ -93,7 +104,14 @@ impl<'a> Data<'a> {
     pub fn view(&self, index: usize) -> Checks<&[u8]> {
         let view = get(&self.root.buffer_views, index, "buffer view")?;
         let number = view.buffer.value();
-        let buffer = get(&self.buffers, number, "buffer")?.as_ref().map_err(String::clone)?;
+        let buffer = get(&self.buffers, number, "buffer")?.as_ref().map_err(|fault| {
+            let extensions = view.extensions.as_ref().map(|e| &e.others);
+            match MESHOPT.into_iter().find(|name| extensions.is_some_and(|e| e.contains_key(*name)))
+            {
+                Some(name) => compressed(name),
+                None => fault.clone(),
+            }
+        })?;
         let start = view.byte_offset.map_or(0, |o| o.0);
         let end = start.checked_add(view.byte_length.0).filter(|&e| e <= buffer.len() as u64);
         let Some(end) = end else {
@@ -420,21 +438,4 @@ fn integer(b: &[u8], component: ComponentType) -> u32 {
         ComponentType::U16 | ComponentType::I16 => u16::from_le_bytes([b[0], b[1]]).into(),
         ComponentType::U32 | ComponentType::F32 => u32::from_le_bytes([b[0], b[1], b[2], b[3]]),
     }
-}
-
-/// The bytes behind a URI of a document in `folder`.
-pub(super) fn read_uri(uri: &str, folder: &Path) -> Checks<Vec<u8>> {
-    if let Some(bytes) = files::data_uri(uri) {
-        return bytes;
-    }
-    if uri.contains("://") {
-        return Err(format!(
-            "`{uri}` is not beside the file, and nothing is fetched from elsewhere"
-        ));
-    }
-    let name = files::percent_decode(uri);
-    let path = files::find(folder, uri)
-        .or_else(|| files::find(folder, &name))
-        .ok_or_else(|| format!("the file `{name}` it refers to does not exist"))?;
-    files::read(&path).map_err(|e| e.to_string())
 }

@@ -4,8 +4,9 @@ use super::super::{
     build::Builder,
     material::{AlphaMode, Map, Material, TextureUse},
     texture::{ColorSpace, decode},
+    uri,
 };
-use super::data::{Checks, Data, get, read_uri};
+use super::data::{Checks, Data, get};
 use crate::texture::{Filter, Sampler, Wrap};
 use glam::{Vec2, Vec3, Vec4};
 use gltf_json::{
@@ -16,6 +17,10 @@ use gltf_json::{
 };
 use serde_json::{Map as JsonMap, Value};
 use std::{collections::HashMap, path::Path};
+
+/// Extensions for images of other formats; beside one of them a PNG or JPEG may stand.
+pub(super) const OTHER_IMAGES: [&str; 4] =
+    ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif", "MSFT_texture_dds"];
 
 /// The materials of a file in the builder, and what meshes must know of them.
 pub(super) struct Materials {
@@ -93,12 +98,11 @@ impl Reader<'_, '_> {
                 Some(with_raw_transform(t.index.value(), t.tex_coord, others));
         }
         if let Some(old) = extensions.and_then(|e| e.pbr_specular_glossiness.as_ref()) {
-            // The older workflow, seen as a dielectric of the same colour and smoothness.
             out.base_color = Vec4::from_array(old.diffuse_factor.0);
-            out.metallic = 0.0;
-            out.roughness = 1.0 - old.glossiness_factor.0;
+            let specular = Vec3::from_array(old.specular_factor.0);
+            out.specular = Some(specular.extend(old.glossiness_factor.0));
             references[Map::BaseColor as usize] = info(&old.diffuse_texture);
-            references[Map::MetallicRoughness as usize] = None;
+            references[Map::MetallicRoughness as usize] = info(&old.specular_glossiness_texture);
         }
         let sets = self.place(&mut out, references)?;
         if let Some(glass) = extensions.and_then(|e| e.transmission.as_ref())
@@ -133,7 +137,9 @@ impl Reader<'_, '_> {
         }
         for (map, reference) in references.into_iter().enumerate() {
             let Some(reference) = reference else { continue };
-            let space = match map == Map::BaseColor as usize || map == Map::Emissive as usize {
+            let is = |one: Map| map == one as usize;
+            let specular = material.specular.is_some() && is(Map::MetallicRoughness);
+            let space = match is(Map::BaseColor) || is(Map::Emissive) || specular {
                 true => ColorSpace::Srgb,
                 false => ColorSpace::Linear,
             };
@@ -160,7 +166,20 @@ impl Reader<'_, '_> {
         };
         // The parser marks a texture without a source by the largest index.
         if texture.source.value() == u32::MAX as usize {
-            self.builder.warn(format!("texture {index} has no PNG or JPEG and is left out"));
+            let others = texture.extensions.as_ref().map(|e| &e.others);
+            let format = OTHER_IMAGES
+                .into_iter()
+                .find(|name| others.is_some_and(|extensions| extensions.contains_key(*name)));
+            let reason = match format {
+                Some(name) => format!(
+                    "texture {index} has no PNG or JPEG, only an image of {name}, which cannot be read"
+                ),
+                None => format!("texture {index} has no PNG or JPEG"),
+            };
+            if format.is_some_and(|name| root.extensions_required.iter().any(|r| r == name)) {
+                return Err(format!("{reason}; export the file with PNG or JPEG"));
+            }
+            self.builder.warn(format!("{reason}; it is left out"));
             return Ok(None);
         }
         let image = texture.source.value();
@@ -170,7 +189,7 @@ impl Reader<'_, '_> {
         let described = get(&root.images, image, "image")?;
         let bytes = match (&described.buffer_view, &described.uri) {
             (Some(view), _) => self.data.view(view.value()).map(<[u8]>::to_vec),
-            (None, Some(uri)) => read_uri(uri, self.folder),
+            (None, Some(uri)) => uri::read(uri, self.folder),
             (None, None) => Err("it has neither a URI nor a buffer view".into()),
         };
         let label = format!("image {image}");

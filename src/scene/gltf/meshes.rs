@@ -5,11 +5,11 @@ use super::super::{
     anchor::Anchor,
     bounds::Bounds,
     build::{Builder, COLOR, NORMAL, POSITION, Part, Stream, TANGENT, UV},
-    mesh::Mesh,
+    mesh::{Mesh, is_usable},
     place::direction_matrix,
 };
 use super::{
-    data::{Checks, Data, get},
+    data::{Checks, Data, compressed, get},
     materials::Materials,
 };
 use crate::{format::VertexFormat, state::Topology};
@@ -18,6 +18,8 @@ use gltf_json::{
     mesh::{Mode, Primitive, Semantic},
     validation::Checked,
 };
+
+const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// What a node does to its mesh.
 #[derive(Clone, Copy, Default)]
@@ -86,6 +88,7 @@ fn part(
         None => materials.uv_sets.len() - 1,
     };
     let uv_sets = materials.uv_sets[material];
+    source.check_compression(data)?;
     let vertices = data.accessor(position)?.count;
     source.check_counts(data, vertices)?;
     if vertices == 0 {
@@ -99,6 +102,7 @@ fn part(
     let morphed = deform.weights.iter().any(|&w| w != 0.0) && primitive.targets.is_some();
     if normals
         && tangents
+        && source.has_directions(data, described.unlit)?
         && !morphed
         && deform.joints.is_none()
         && let Some(part) = direct(data, builder, &source, topology, material, uv_sets)?
@@ -120,6 +124,8 @@ fn part(
     if !normals {
         mesh.make_flat_normals();
         mesh.normals.iter_mut().filter(|_| flipped).for_each(|n| *n = -*n);
+    } else if source.find(Semantic::Normals).is_some() {
+        mesh.mend_normals(flipped);
     }
     if let Some(set) = normal_map.filter(|_| mesh.tangents.is_empty()) {
         mesh.make_tangents(set);
@@ -180,6 +186,30 @@ struct Source<'a> {
 impl Source<'_> {
     fn find(&self, semantic: Semantic) -> Option<usize> {
         self.primitive.attributes.get(&Checked::Valid(semantic)).map(|i| i.value())
+    }
+
+    /// Refuses compressed geometry beside which there is no other.
+    fn check_compression(&self, data: &Data) -> Checks<()> {
+        let extensions = self.primitive.extensions.as_ref().map(|e| &e.others);
+        if !extensions.is_some_and(|e| e.contains_key(DRACO)) {
+            return Ok(());
+        }
+        let attributes = self.primitive.attributes.values().copied();
+        for accessor in attributes.chain(self.primitive.indices) {
+            let described = get(&data.root.accessors, accessor.value(), "accessor")?;
+            if described.buffer_view.is_none() && described.sparse.is_none() {
+                return Err(compressed(DRACO));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether all normals point somewhere, or nobody asks.
+    fn has_directions(&self, data: &Data, unlit: bool) -> Checks<bool> {
+        let Some(normals) = self.find(Semantic::Normals).filter(|_| !unlit) else {
+            return Ok(true);
+        };
+        Ok(data.accessor(normals)?.vec3("NORMAL")?.iter().all(is_usable))
     }
 
     /// Every attribute must have as many elements as there are positions.
@@ -304,7 +334,7 @@ impl Source<'_> {
             if let Some(n) = mesh.normals.get_mut(i) {
                 let old = n.as_dvec3() * mirror;
                 let turned = y.cross(z) * old.x + z.cross(x) * old.y + x.cross(y) * old.z;
-                *n = turned.normalize_or(DVec3::Y).as_vec3();
+                *n = turned.normalize_or_zero().as_vec3();
             }
             if let Some(t) = mesh.tangents.get_mut(i) {
                 let turned = (turn * t.truncate().as_dvec3()).normalize_or(DVec3::X).as_vec3();

@@ -10,6 +10,7 @@
 mod container;
 mod data;
 mod materials;
+mod mend;
 mod meshes;
 mod pose;
 

@@ -3,7 +3,11 @@
 //! Read here and not by a crate: those at hand drop texture coordinates or normals that only some
 //! corners have, cut concave polygons into fans and cannot say which line is at fault.
 
-use glam::{Vec2, Vec3};
+use super::{
+    colors,
+    text::{Statements, number, number_words, shown, split_word},
+};
+use glam::{DVec3, Vec2, Vec3};
 use std::collections::HashMap;
 
 /// A corner without a texture coordinate or normal has this in its place.
@@ -38,191 +42,276 @@ pub(super) struct Group {
 /// A parsed file.
 #[derive(Debug, Default)]
 pub(super) struct Obj {
-    pub positions: Vec<Vec3>,
-    /// As many as positions, or empty.
+    pub positions: Vec<DVec3>,
+    /// Linear, as many as positions, or empty.
     pub colors: Vec<Vec3>,
     pub uvs: Vec<Vec2>,
+    /// Of length 1, or zero where the file has no usable one.
     pub normals: Vec<Vec3>,
     pub groups: Vec<Group>,
     /// Names after `usemtl`.
-    pub materials: Vec<String>,
-    /// Names after `mtllib`.
-    pub libraries: Vec<String>,
+    pub materials: Vec<Vec<u8>>,
+    /// What stands after `mtllib`, each text once.
+    pub libraries: Vec<Vec<u8>>,
     pub warnings: Vec<String>,
 }
 
+/// Statements that change no picture, and such as are only counted.
+const WITHOUT_EFFECT: [&[u8]; 24] = [
+    b"bevel",
+    b"c_interp",
+    b"d_interp",
+    b"lod",
+    b"shadow_obj",
+    b"trace_obj",
+    b"mg",
+    b"maplib",
+    b"usemap",
+    b"vp",
+    b"vw",
+    b"deg",
+    b"bmat",
+    b"step",
+    b"cstype",
+    b"ctech",
+    b"stech",
+    b"parm",
+    b"trim",
+    b"hole",
+    b"scrv",
+    b"sp",
+    b"end",
+    b"con",
+];
+
+fn is_keyword(word: &[u8]) -> bool {
+    let drawn: [&[u8]; 16] = [
+        b"v", b"vt", b"vn", b"f", b"fo", b"p", b"l", b"o", b"g", b"s", b"usemtl", b"mtllib",
+        b"curv", b"curv2", b"surf", b"call",
+    ];
+    drawn.contains(&word) || WITHOUT_EFFECT.contains(&word)
+}
+
+/// Whether `text` begins like an OBJ: with statements of its own, a vertex among them.
+pub(super) fn looks_like_obj(text: &[u8]) -> bool {
+    let head = &text[..text.len().min(1 << 16)];
+    let statements = Statements::new(head, is_keyword).map(|(_, line)| line);
+    let mut own = statements.take_while(|line| is_keyword(split_word(line).0));
+    own.any(|line| {
+        let (keyword, rest) = split_word(&line);
+        keyword == b"v" && number_words(rest).filter_map(number).count() >= 3
+    })
+}
+
 /// Parses `text`; a fault names its line.
-pub(super) fn parse(text: &str) -> Result<Obj, String> {
+pub(super) fn parse(text: &[u8]) -> Result<Obj, String> {
     let mut parser = Parser { material: NONE, ..Parser::default() };
-    for (number, line) in (Lines { text, number: 0 }) {
-        parser.line(&line).map_err(|e| format!("line {number}: {e}"))?;
+    for (number, line) in Statements::new(text, is_keyword) {
+        parser.number = number;
+        parser.statement(&line).map_err(|e| format!("line {number}: {e}"))?;
     }
+    if parser.known == 0
+        && let Some((number, line)) = parser.unknown
+    {
+        return Err(format!("line {number}, `{line}`, is no statement of OBJ, nor is any other"));
+    }
+    parser.resolve_later()?;
     let mut obj = parser.obj;
-    if !obj.colors.is_empty() {
-        obj.colors.resize(obj.positions.len(), Vec3::ONE);
-    }
-    if parser.skipped > 0 {
-        obj.warnings.push(format!(
-            "{} points, lines or faces of fewer than 3 corners are not drawn",
-            parser.skipped
-        ));
-    }
-    if parser.dangling > 0 {
-        obj.warnings.push(format!(
-            "{} texture coordinates or normals of faces do not exist and are left out",
-            parser.dangling
-        ));
-    }
+    obj.colors = colors::linear(&parser.colors, text, obj.positions.len());
+    let mut warn = |count: usize, what: &str| {
+        if count > 0 {
+            obj.warnings.push(format!("{count} {what}"));
+        }
+    };
+    warn(parser.skipped, "points, lines or faces of fewer than 3 corners are not drawn");
+    warn(parser.dangling, "texture coordinates or normals of faces do not exist and are left out");
     if parser.curves {
         obj.warnings.push("curves and free-form surfaces are not drawn".into());
     }
-    Ok(obj)
-}
-
-/// Lines without comments, those that end in a backslash joined with the next.
-struct Lines<'a> {
-    text: &'a str,
-    number: usize,
-}
-
-impl<'a> Iterator for Lines<'a> {
-    type Item = (usize, std::borrow::Cow<'a, str>);
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let mut take = || {
-            let end = self.text.find('\n');
-            let line = &self.text[..end.unwrap_or(self.text.len())];
-            self.text = end.map_or("", |end| &self.text[end + 1..]);
-            self.number += 1;
-            line.trim()
-        };
-        let line = take();
-        let Some(mut head) = line.strip_suffix('\\') else {
-            let done = line.is_empty() && self.text.is_empty();
-            return (!done).then_some((self.number, line.into()));
-        };
-        let mut joined = String::new();
-        loop {
-            joined.push_str(head);
-            joined.push(' ');
-            let next = take();
-            match next.strip_suffix('\\') {
-                Some(next) if !next.is_empty() => head = next,
-                _ => {
-                    joined.push_str(next);
-                    return Some((self.number, joined.into()));
-                }
-            }
-        }
+    if let Some((number, line)) = parser.unknown {
+        obj.warnings.push(format!(
+            "line {number}, `{line}`, is no statement of OBJ; it and others like it are left out"
+        ));
     }
+    Ok(obj)
 }
 
 #[derive(Default)]
 struct Parser {
     obj: Obj,
+    /// Line of the statement.
+    number: usize,
+    /// As the file has them; vertices before the first that has one are white.
+    colors: Vec<[f32; 3]>,
     /// Counts `o` and `g` statements.
     object: u32,
     material: u32,
     smoothing: Smoothing,
     groups: HashMap<(u32, u32, Smoothing), usize>,
-    names: HashMap<String, u32>,
+    /// Number of the group for faces, until a statement changes that.
+    group: Option<usize>,
+    materials: HashMap<Vec<u8>, u32>,
+    libraries: HashMap<Vec<u8>, ()>,
+    /// Largest vertex number that was not yet there when a face referred to it, and the line.
+    latest: Option<(i64, usize)>,
+    /// Whether the same was so for a texture coordinate or a normal.
+    late: bool,
     skipped: usize,
     /// Corners whose texture coordinate or normal does not exist.
     dangling: usize,
     curves: bool,
+    known: usize,
+    /// The first statement that is none of OBJ, and its line.
+    unknown: Option<(usize, String)>,
 }
 
 impl Parser {
-    fn line(&mut self, line: &str) -> Result<(), String> {
-        let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-        let rest = rest.trim();
-        let obj = &mut self.obj;
+    fn statement(&mut self, line: &[u8]) -> Result<(), String> {
+        let (keyword, rest) = split_word(line);
+        self.known += 1;
         match keyword {
-            "v" => {
-                let mut v = [0.0; 8];
-                let n = floats(rest, &mut v);
-                if n < 3 {
-                    return Err(format!("a vertex has {n} numbers, 3 are needed"));
-                }
-                // A fourth number alone is a weight, six are a colour after the position.
-                let weight = if n == 4 && v[3] != 0.0 { v[3] } else { 1.0 };
-                if n >= 6 {
-                    obj.colors.resize(obj.positions.len(), Vec3::ONE);
-                    obj.colors.push(Vec3::new(v[n - 3], v[n - 2], v[n - 1]));
-                }
-                obj.positions.push(Vec3::new(v[0], v[1], v[2]) / weight);
-            }
-            "vt" => {
-                let mut v = [0.0; 3];
-                floats(rest, &mut v);
+            b"v" => self.vertex(rest)?,
+            b"vt" => {
+                let [u, v, _] = three(rest).map(|v| if v.is_finite() { v } else { 0.0 });
                 // OBJ measures v upwards, textures here are measured downwards.
-                obj.uvs.push(Vec2::new(v[0], 1.0 - v[1]));
+                self.obj.uvs.push(Vec2::new(u as f32, (1.0 - v) as f32));
             }
-            "vn" => {
-                let mut v = [0.0; 3];
-                floats(rest, &mut v);
-                obj.normals.push(Vec3::from_array(v));
+            b"vn" => {
+                let normal = DVec3::from_array(three(rest)).normalize_or_zero();
+                self.obj.normals.push(normal.as_vec3());
             }
-            "f" | "fo" => self.face(rest)?,
-            "p" | "l" => self.skipped += 1,
-            "curv" | "curv2" | "surf" => self.curves = true,
-            "o" | "g" => self.object += 1,
-            "s" => {
-                self.smoothing = match rest {
-                    "off" | "0" => Smoothing::Off,
-                    number => number.parse().map_or(Smoothing::Unsaid, Smoothing::Group),
+            b"f" | b"fo" => self.face(rest)?,
+            b"p" | b"l" => self.skipped += 1,
+            b"curv" | b"curv2" | b"surf" => self.curves = true,
+            b"o" | b"g" => {
+                self.object += 1;
+                self.group = None;
+            }
+            b"s" => {
+                self.smoothing = match number_words(rest).next() {
+                    Some(b"off" | b"0") => Smoothing::Off,
+                    word => {
+                        let word = word.and_then(|word| std::str::from_utf8(word).ok());
+                        let number = word.and_then(|word| word.parse().ok());
+                        number.map_or(Smoothing::Unsaid, Smoothing::Group)
+                    }
+                };
+                self.group = None;
+            }
+            b"usemtl" => {
+                self.material = self.material(rest);
+                self.group = None;
+            }
+            b"mtllib" => {
+                if self.libraries.insert(rest.to_vec(), ()).is_none() {
+                    self.obj.libraries.push(rest.to_vec());
                 }
             }
-            "usemtl" => {
-                let next = obj.materials.len() as u32;
-                self.material = *self.names.entry(rest.to_owned()).or_insert(next);
-                if self.material == next {
-                    obj.materials.push(rest.to_owned());
+            _ if WITHOUT_EFFECT.contains(&keyword) => {}
+            _ => {
+                self.known -= 1;
+                let lower = keyword.to_ascii_lowercase();
+                if lower != keyword && is_keyword(&lower) {
+                    return self.statement(&[&lower, &b" "[..], rest].concat());
                 }
+                self.unknown.get_or_insert_with(|| (self.number, shown(line)));
             }
-            "mtllib" => obj.libraries.push(rest.to_owned()),
-            _ => {}
         }
         Ok(())
     }
 
-    fn face(&mut self, rest: &str) -> Result<(), String> {
-        let key = (self.object, self.material, self.smoothing);
+    /// `x y z`, with a weight or a colour, or both; a colour may have an alpha.
+    fn vertex(&mut self, rest: &[u8]) -> Result<(), String> {
+        let mut v = [0.0; 8];
+        let mut n = 0;
+        for word in number_words(rest).take(v.len()) {
+            let Some(value) = number(word) else {
+                if n < 3 {
+                    return Err(format!("`{}` is no number", shown(word)));
+                }
+                break;
+            };
+            v[n] = value;
+            n += 1;
+        }
+        if n < 3 {
+            return Err(format!("a vertex has {n} numbers, 3 are needed"));
+        }
+        let (weight, color) = match n {
+            4 => (v[3], None),
+            // Seven have an alpha rather than a weight: only points of curves have weights.
+            6 | 7 => (1.0, Some([v[3], v[4], v[5]])),
+            8 => (v[3], Some([v[4], v[5], v[6]])),
+            _ => (1.0, None),
+        };
         let obj = &mut self.obj;
-        let groups = &mut obj.groups;
-        let index = *self.groups.entry(key).or_insert_with(|| {
+        if let Some(color) = color {
+            self.colors.resize(obj.positions.len(), [f32::NAN; 3]);
+            self.colors.push(color.map(|v| v as f32));
+        }
+        let weight = if weight == 0.0 { 1.0 } else { weight };
+        obj.positions.push(DVec3::new(v[0], v[1], v[2]) / weight);
+        Ok(())
+    }
+
+    /// The number of the material that faces have after `usemtl name`.
+    fn material(&mut self, name: &[u8]) -> u32 {
+        // Without a name, or with one of those that exporters write instead, there is none.
+        if matches!(name, b"" | b"(null)") {
+            return NONE;
+        }
+        if let Some(&number) = self.materials.get(name) {
+            return number;
+        }
+        let number = self.obj.materials.len() as u32;
+        self.obj.materials.push(name.to_vec());
+        self.materials.insert(name.to_vec(), number);
+        number
+    }
+
+    fn face(&mut self, rest: &[u8]) -> Result<(), String> {
+        let obj = &mut self.obj;
+        let index = *self.group.get_or_insert_with(|| {
             let (material, smoothing) = (self.material, self.smoothing);
-            groups.push(Group { material, smoothing, ..Group::default() });
-            groups.len() - 1
+            *self.groups.entry((self.object, material, smoothing)).or_insert_with(|| {
+                obj.groups.push(Group { material, smoothing, ..Group::default() });
+                obj.groups.len() - 1
+            })
         });
-        let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()];
+        let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()].map(|n| n as i64);
         let group = &mut obj.groups[index];
         let before = group.corners.len();
-        for word in rest.split_whitespace() {
+        for word in number_words(rest) {
             let mut corner = [NONE; 3];
-            for (i, (slot, text)) in corner.iter_mut().zip(word.split('/')).enumerate() {
+            let texts = word.split(|&b| b == b'/');
+            for (i, (slot, text)) in corner.iter_mut().zip(texts).enumerate() {
                 if text.is_empty() {
                     continue;
                 }
-                let bad = || format!("`{word}` is no corner of a face");
-                let number: i64 = text.parse().map_err(|_| bad())?;
-                let found = match number {
-                    1.. => number - 1,
-                    _ => counts[i] as i64 + number,
-                };
-                let exists = number != 0 && found >= 0 && found < counts[i] as i64;
-                if !exists && i == 0 {
-                    return Err(format!(
-                        "a face refers to vertex {number}, but there are {} so far",
-                        counts[i]
-                    ));
+                let number = integer(text)
+                    .ok_or_else(|| format!("`{}` is no corner of a face", shown(word)))?;
+                let found = if number > 0 { number - 1 } else { counts[i] + number };
+                if number == 0 || found < 0 {
+                    // Files that name texture coordinates or normals that they lack are common.
+                    self.dangling += usize::from(i > 0);
+                    if i == 0 {
+                        return Err(format!(
+                            "a face refers to vertex {number}, but there are {} so far",
+                            counts[i]
+                        ));
+                    }
+                    continue;
                 }
-                // Files that name texture coordinates or normals that they lack are common.
-                self.dangling += usize::from(!exists);
-                *slot = if exists { found as u32 } else { NONE };
+                if found >= counts[i] {
+                    self.late |= i > 0;
+                    if i == 0 && self.latest.is_none_or(|(latest, _)| latest < number) {
+                        self.latest = Some((number, self.number));
+                    }
+                }
+                *slot = found.min(i64::from(NONE - 1)) as u32;
             }
             if corner[0] == NONE {
-                return Err(format!("`{word}` has no vertex"));
+                return Err(format!("`{}` has no vertex", shown(word)));
             }
             group.corners.push(corner);
         }
@@ -235,35 +324,87 @@ impl Parser {
         }
         Ok(())
     }
+
+    /// Some files have their faces before their vertices, so that numbers can be checked only at the
+    /// end.
+    fn resolve_later(&mut self) -> Result<(), String> {
+        let obj = &mut self.obj;
+        let count = obj.positions.len();
+        if let Some((number, line)) = self.latest
+            && number > count as i64
+        {
+            return Err(format!(
+                "line {line}: a face refers to vertex {number}, but there are {count}"
+            ));
+        }
+        if self.late {
+            let counts = [count, obj.uvs.len(), obj.normals.len()];
+            for corner in obj.groups.iter_mut().flat_map(|group| &mut group.corners) {
+                for (slot, count) in corner.iter_mut().zip(counts) {
+                    if *slot != NONE && *slot as usize >= count {
+                        *slot = NONE;
+                        self.dangling += 1;
+                    }
+                }
+            }
+        }
+        // A file whose faces have too few corners has groups without any.
+        obj.groups.retain(|group| !group.arities.is_empty());
+        Ok(())
+    }
 }
 
-/// Reads numbers into `out` until one is none; how many.
-pub(super) fn floats(text: &str, out: &mut [f32]) -> usize {
-    let words = text.split_whitespace().map_while(|word| word.parse::<f32>().ok());
-    out.iter_mut().zip(words).map(|(slot, value)| *slot = value).count()
+/// A whole number. Some exporters write it as `4.0`.
+fn integer(text: &[u8]) -> Option<i64> {
+    let text = std::str::from_utf8(text).ok()?;
+    let whole = |v: &f64| v.fract() == 0.0 && v.abs() < 1e15;
+    text.parse().ok().or_else(|| text.parse().ok().filter(whole).map(|v| v as i64))
+}
+
+/// Up to three numbers; those that are missing are 0.
+fn three(text: &[u8]) -> [f64; 3] {
+    let mut values = [0.0; 3];
+    let words = number_words(text).map_while(number);
+    values.iter_mut().zip(words).for_each(|(slot, value)| *slot = value);
+    values
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn read(text: &str) -> Obj {
+        parse(text.as_bytes()).unwrap_or_else(|e| panic!("{text:?}: {e}"))
+    }
+
     #[test]
     fn relative_and_partial_corners() {
-        let obj = parse("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt .5 .25\nf -3/1 2 3//\n").unwrap();
+        let obj = read("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt .5 .25\nf -3/1 2 3//\n");
         assert_eq!(obj.groups[0].corners, [[0, 0, NONE], [1, NONE, NONE], [2, NONE, NONE]]);
         assert_eq!(obj.uvs, [Vec2::new(0.5, 0.75)]);
     }
 
     #[test]
+    fn faces_may_come_before_their_vertices() {
+        let obj = read("f 1/1/1 2/2/1 3/9/1\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvn 0 0 1");
+        assert_eq!(obj.groups[0].corners, [[0, 0, 0], [1, 1, 0], [2, NONE, 0]]);
+        assert_eq!(obj.warnings.len(), 1, "{:?}", obj.warnings);
+    }
+
+    #[test]
     fn faults_name_their_line() {
         for (text, want) in [
-            ("v 0 0 0\nf 1 1 2\n", "line 2: a face refers to vertex 2"),
+            ("v 0 0 0\nf 1 1 2\n", "line 2: a face refers to vertex 2, but there are 1"),
+            ("v 0 0 0\nf 1 1 9999999999\nf 1 1 3", "line 2: a face refers to vertex 9999999999"),
             ("v 0 0 0\n\nf 0 1 1", "line 3: a face refers to vertex 0"),
             ("v 1 2\n", "line 1: a vertex has 2 numbers"),
-            ("v 0 0 0\nf 1 x 1", "line 2: `x` is no corner"),
+            ("v 1 2 x\n", "line 1: `x` is no number"),
+            ("v 0 0 0\rf 1 x 1", "line 2: `x` is no corner"),
             ("v 0 0 0\nf \\\n1 1 \\\n-2", "line 4: a face refers to vertex -2"),
+            ("\nHello\nv", "line 3: a vertex has 0 numbers"),
+            ("\nHello\nworld", "line 2, `Hello`, is no statement"),
         ] {
-            let fault = parse(text).expect_err(text);
+            let fault = parse(text.as_bytes()).expect_err(text);
             assert!(fault.starts_with(want), "{text:?} gives {fault:?}");
         }
     }
@@ -271,19 +412,42 @@ mod tests {
     #[test]
     fn groups_split_by_object_material_and_smoothing() {
         let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nusemtl a\nf 1 2 3\nf 1 2 3\ns off\nf 1 2 3\n\
-                    g other\nf 1 2 3\nf 1 2\ns 3\nusemtl b c\nf 3 2 1\n";
-        let obj = parse(text).unwrap();
+                    g other\nf 1 2 3\nf 1 2\ns 3\nusemtl b c\nf 3 2 1\nusemtl\nf 1 2 3\n";
+        let obj = read(text);
         let sizes: Vec<_> = obj.groups.iter().map(|g| g.arities.len()).collect();
-        assert_eq!(sizes, [1, 2, 1, 1, 1]);
-        assert_eq!(obj.materials, ["a", "b c"]);
+        assert_eq!(sizes, [1, 2, 1, 1, 1, 1]);
+        assert_eq!(obj.materials, [&b"a"[..], b"b c"]);
         assert_eq!(obj.groups[4].smoothing, Smoothing::Group(3));
+        assert_eq!(obj.groups[5].material, NONE, "`usemtl` without a name ends the material");
         assert_eq!(obj.warnings.len(), 1);
     }
 
     #[test]
     fn weights_and_colours_after_positions() {
-        let obj = parse("v 2 4 6 2\nv 1 2 3 0.5 0.25 1\nv 0 0 0").unwrap();
-        assert_eq!(obj.positions[0], Vec3::new(1.0, 2.0, 3.0));
-        assert_eq!(obj.colors, [Vec3::ONE, Vec3::new(0.5, 0.25, 1.0), Vec3::ONE]);
+        let obj = read("v 2 4 6 2\nv 1 2 3 0 1 1\nv 0 0 0 1 0 0 0.5\nv 1 1 1 1 0 0 1 1\nv 0 0 0");
+        assert_eq!(obj.positions[0], DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(obj.colors, [Vec3::ONE, Vec3::new(0., 1., 1.), Vec3::X, Vec3::Z, Vec3::ONE]);
+    }
+
+    #[test]
+    fn comments_capitals_and_what_is_passed_over() {
+        let text = "V 0 0 0 # a\nv 1 0 0#b\nv 0 1 0\nvp 0 1\nvn 0 0 0\nvn 1.#IND 0 0 # c\nvn 0 0 9\n\
+                    cstype bezier\ns 1 # d\nF 1//1 2//2 3//3 # e\\\nfrobnicate 1\nend\n";
+        let obj = read(text);
+        assert_eq!(obj.normals, [Vec3::ZERO, Vec3::ZERO, Vec3::Z]);
+        assert_eq!(obj.groups[0].arities, [3]);
+        assert_eq!(obj.groups[0].smoothing, Smoothing::Group(1));
+        assert_eq!(obj.warnings.len(), 1, "{:?}", obj.warnings);
+        assert!(obj.warnings[0].contains("line 11, `frobnicate 1`"), "{:?}", obj.warnings);
+    }
+
+    #[test]
+    fn what_looks_like_an_obj() {
+        assert!(looks_like_obj(b"# x\nmtllib a\r\ng\nv 1 2 3\n"));
+        assert!(
+            !looks_like_obj(b"v. hello")
+                && !looks_like_obj(b"")
+                && !looks_like_obj(b"g a\nx\nv 1 2 3")
+        );
     }
 }

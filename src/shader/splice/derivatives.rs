@@ -272,6 +272,6 @@ fn dimensions(linker: &Linker, sampled_image: Word) -> Outcome<u32> {
         Some(Operand::Dim(Dim::Dim1D)) => Ok(1),
         Some(Operand::Dim(Dim::Dim2D)) => Ok(2),
         Some(Operand::Dim(Dim::Dim3D | Dim::DimCube)) => Ok(3),
-        other => Err(format!("sampling of {other:?}")),
+        _ => Err("sampling of images other than 1D, 2D, 3D and cubes".into()),
     }
 }

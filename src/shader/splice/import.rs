@@ -168,7 +168,10 @@ impl Importer<'_, '_> {
                 (Some(old), Some(Operand::LiteralString(name))) if name == "GLSL.std.450" => {
                     self.map[old as usize] = self.linker.glsl_std();
                 }
-                (_, name) => return Err(format!("the instruction set {name:?}")),
+                (_, Some(Operand::LiteralString(name))) => {
+                    return Err(format!("the instruction set {name}"));
+                }
+                _ => return Err("an instruction set without a name".into()),
             }
         }
         if let Some([addressing, memory]) =
@@ -184,7 +187,10 @@ impl Importer<'_, '_> {
                         own.operands[0] = addressing.clone();
                     }
                 }
-                other => return Err(format!("the addressing model {other:?}")),
+                Operand::AddressingModel(other) => {
+                    return Err(format!("the addressing model {other:?}"));
+                }
+                _ => return Err("no addressing model".into()),
             }
         }
         for instruction in &module.execution_modes {

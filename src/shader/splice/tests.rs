@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::prebuilt;
-use crate::shader::compile::tests::kernel;
+use crate::shader::{compile::tests::kernel, testing::any_shader};
 use rspirv::dr;
 use std::{
     io::Write,
@@ -51,7 +51,7 @@ fn optimized(shader: &Shader) -> Shader {
     assert!(ok, "{}: {}", shader.label, String::from_utf8_lossy(&output));
     let words: Vec<u32> =
         output.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    Shader::from_spirv(shader.stage, &format!("optimized {}", shader.label), &words).unwrap()
+    Shader::reflected(shader.stage, &format!("optimized {}", shader.label), &words).unwrap()
 }
 
 /// Runs one of the SPIR-V tools.
@@ -107,7 +107,7 @@ fn shaders(folder: &str) -> Vec<(Stage, String, String)> {
 #[test]
 fn features_splice_and_validate() {
     for (stage, name, source) in shaders("") {
-        let shader = Shader::from_glsl(stage, &name, &source).unwrap();
+        let shader = any_shader(stage, &name, &source).unwrap();
         // The optimizer's validator insists on what the compiler only warns of.
         let optimized = (name != "nested_arrays.frag").then(|| optimized(&shader));
         for shader in optimized.into_iter().chain([shader]) {
@@ -128,7 +128,7 @@ fn what_is_out_of_reach_is_refused_by_name() {
     for (stage, name, source) in shaders("refused") {
         let first = source.lines().next().unwrap();
         let wanted = first.strip_prefix("// refused: ").expect("the first line says why");
-        let result = Shader::from_glsl(stage, &name, &source)
+        let result = any_shader(stage, &name, &source)
             .and_then(|shader| try_all(&shader, Derivatives::Native));
         let text = result.expect_err(&name).to_string();
         assert!(text.contains(wanted) && text.contains(&name), "{name}: {text}");
@@ -147,7 +147,7 @@ fn no_module_makes_the_splicer_panic() {
     let rounds = std::env::var("FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
     let (mut read, mut taken) = (0, 0);
     for (stage, name, source) in shaders("") {
-        let shader = Shader::from_glsl(stage, &name, &source).unwrap();
+        let shader = any_shader(stage, &name, &source).unwrap();
         for round in 0..rounds {
             let mut words = shader.spirv.clone();
             for _ in 0..1 + round % 3 {
@@ -159,7 +159,7 @@ fn no_module_makes_the_splicer_panic() {
                     _ => random(300) as u32,
                 };
             }
-            let Ok(broken) = Shader::from_spirv(stage, &name, &words) else { continue };
+            let Ok(broken) = Shader::reflected(stage, &name, &words) else { continue };
             read += 1;
             let derivatives = [Derivatives::Native, Derivatives::Quad][round % 2];
             let blocks = [Blocks::Prefetched, Blocks::InPlace][round / 2 % 2];

@@ -179,7 +179,8 @@ fn phi(
             return Err("a phi from no block".into());
         };
         if !named.insert(from) || !flow.goes(from, block) {
-            return Err(format!("a phi that names a wrong predecessor: {phi:?}"));
+            let result = phi.result_id.unwrap_or_default();
+            return Err(format!("the phi {result} names a wrong predecessor"));
         }
         if let Some(&(home, _)) = homes.get(&value)
             && flow.is_reached(from)
@@ -198,7 +199,10 @@ fn phi(
 /// Loads, stores, calls and returns fit their types.
 fn types(index: &Index, function: &Function, instruction: &Instruction) -> Outcome<()> {
     let operand = |n: usize| module::id_operand(instruction, n);
-    let wrong = || Err(format!("types that do not fit: {instruction:?}"));
+    let wrong = || {
+        let (op, result) = (instruction.class.opname, instruction.result_id.unwrap_or_default());
+        Err(format!("types that do not fit in Op{op} (result {result})"))
+    };
     match instruction.class.opcode {
         Op::Load => {
             let (_, pointee) = index.pointer(index.type_of(operand(0)?)?)?;

@@ -1,0 +1,109 @@
+//! Frames in which everything changes that changes in an application: the camera, the objects, the
+//! materials.
+//!
+//! A warm frame runs what was recorded once. An application that moves pays more: its uniform data is new
+//! in each frame, and commands are recorded anew. Here, each frame's pass holds new buffers behind all
+//! descriptors, new descriptor sets and new push constants; vertices, indices, textures, pipelines and
+//! shaders stay. Making the pass is not timed, since that is the application's own work. Then
+//!
+//! * compute prepares the pass, validation included, and executes it;
+//! * classic uploads the new buffers, writes its descriptor sets, records its command buffer and executes
+//!   it. Its targets and pipelines stay, and nothing is validated: a program that calls Vulkan itself
+//!   would pay for neither.
+
+use super::run::{Executors, Frame, Rounds, Settings, rounds};
+use crate::{
+    error::Result,
+    pass::{Binding, BindingSet, Buffer, BufferRange, Pass},
+};
+use std::{collections::HashMap, sync::Arc};
+
+/// `pass` with new buffers, descriptor sets and push constants. The picture stays the same.
+pub fn renewed(pass: &Pass) -> Pass {
+    let mut buffers = HashMap::new();
+    let mut sets: HashMap<*const BindingSet, Arc<BindingSet>> = HashMap::new();
+    let mut new = pass.clone();
+    for set in new.draws.iter_mut().flat_map(|draw| &mut draw.sets) {
+        let known = sets.entry(Arc::as_ptr(set));
+        *set = known.or_insert_with(|| Arc::new(renewed_set(set, &mut buffers))).clone();
+    }
+    new
+}
+
+type Buffers = HashMap<*const Buffer, Arc<Buffer>>;
+
+fn renewed_set(set: &BindingSet, buffers: &mut Buffers) -> BindingSet {
+    let mut set = set.clone();
+    for binding in set.entries.iter_mut().flat_map(|entry| &mut entry.resources) {
+        if let Binding::Uniform(BufferRange { buffer, .. })
+        | Binding::Storage(BufferRange { buffer, .. }) = binding
+        {
+            let known = buffers.entry(Arc::as_ptr(buffer));
+            *buffer = known.or_insert_with(|| Arc::new(Buffer::clone(buffer))).clone();
+        }
+    }
+    set
+}
+
+/// Times frames of `pass` in which everything changes.
+///
+/// # Errors
+/// Those of the executors.
+pub fn rounds_of(
+    executors: &mut Executors,
+    pass: &Pass,
+    settings: &Settings,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Rounds> {
+    let Executors { compute, classic } = executors;
+    let mut by_classic = classic.prepare(pass)?;
+    // What was prepared before goes where the next is prepared, as it does in an application.
+    let mut by_compute = None;
+    rounds(
+        settings,
+        &mut || {
+            let next = renewed(pass);
+            Frame::of(|| {
+                by_compute = None;
+                by_compute.insert(compute.prepare(&next)?).execute().map(|times| times.total_ns)
+            })
+        },
+        &mut || {
+            let next = renewed(pass);
+            Frame::of(|| {
+                classic.record_again(&mut by_classic, &next)?;
+                by_classic.execute()
+            })
+        },
+        progress,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{build, scenes};
+    use super::*;
+    use crate::image::Extent;
+
+    #[test]
+    fn what_descriptors_read_is_new_and_shared_as_before() {
+        let recipe = scenes::find("draws").unwrap().recipe;
+        let recipe = super::super::Recipe { count: Some(4000), draws: 40, ..recipe };
+        let pass = build::pass("draws", &recipe, Extent::new(64, 64)).unwrap();
+        let new = renewed(&pass);
+        new.validate().unwrap();
+        let frame =
+            |pass: &Pass, draw: usize| match &pass.draws[draw].sets[0].entries[0].resources[..] {
+                [Binding::Uniform(range)] => range.buffer.clone(),
+                other => panic!("{other:?}"),
+            };
+        for draw in 0..pass.draws.len() {
+            let (old, now) = (frame(&pass, draw), frame(&new, draw));
+            assert!(!Arc::ptr_eq(&old, &now) && old.bytes == now.bytes);
+            assert!(Arc::ptr_eq(&now, &frame(&new, 0)), "one buffer stays one buffer");
+            let [old, now] = [&pass, &new].map(|pass| &pass.draws[draw]);
+            assert!(!Arc::ptr_eq(&old.sets[1], &now.sets[1]));
+            assert!(Arc::ptr_eq(&old.vertex_buffers[0].buffer, &now.vertex_buffers[0].buffer));
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! A run that is interrupted ends its results properly: whoever presses Ctrl-C after an hour keeps the
+//! hour.
+//!
+//! Signals are taken by a thread, which ends the results and then the process, whatever the other threads
+//! are doing: a frame may take seconds, and nobody waits for it. The process dies of the signal, as its
+//! caller expects.
+
+use super::results::Results;
+use crate::error::{Error, Result};
+use signal_hook::{
+    consts::{SIGINT, SIGTERM},
+    iterator::Signals,
+    low_level::emulate_default_handler,
+};
+use std::{
+    io::{self, Read},
+    path::Path,
+    process::{Child, Command, Output, Stdio},
+    sync::{Mutex, MutexGuard, PoisonError},
+};
+use tempfile::TempDir;
+
+/// What an interrupted run has to end.
+struct Open {
+    results: Option<Results>,
+    /// The process that is being waited for.
+    child: Option<Child>,
+    /// A temporary folder.
+    folder: Option<TempDir>,
+}
+
+static OPEN: Mutex<Open> = Mutex::new(Open { results: None, child: None, folder: None });
+
+fn open() -> MutexGuard<'static, Open> {
+    OPEN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// From now on, a signal ends `results`.
+///
+/// # Errors
+/// [`Error::Io`] if the system does not let signals be taken.
+pub fn watch(results: Results) -> Result<()> {
+    open().results = Some(results);
+    let mut signals = Signals::new([SIGINT, SIGTERM])
+        .map_err(|source| Error::Io { path: "taking signals".into(), source })?;
+    std::thread::spawn(move || {
+        for signal in &mut signals {
+            end(signal);
+        }
+    });
+    Ok(())
+}
+
+fn end(signal: i32) {
+    // Held until the process is gone: no row is written behind the end.
+    let mut open = open();
+    if let Some(child) = &mut open.child {
+        // A process that has ended meanwhile cannot be killed, and need not be.
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+    open.folder = None;
+    let said = match open.results.as_mut().map(Results::interrupted) {
+        Some(Ok(said)) => said,
+        Some(Err(error)) => error.to_string(),
+        None => "interrupted".into(),
+    };
+    super::talk::line(format_args!("tilewright: {said}"));
+    let _ = emulate_default_handler(signal);
+}
+
+/// Does something with the results.
+///
+/// # Errors
+/// Those of `what`.
+pub fn with<R>(what: impl FnOnce(&mut Results) -> Result<R>) -> Result<R> {
+    match open().results.as_mut() {
+        Some(results) => what(results),
+        None => Err(Error::Usage("no results were begun".into())),
+    }
+}
+
+/// Runs `command` to its end, as [`Command::output`] does; a signal ends it too.
+///
+/// # Errors
+/// Those of the system.
+pub fn output(command: &mut Command) -> io::Result<Output> {
+    let mut child =
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
+    let (out, err) = (child.stdout.take(), child.stderr.take());
+    open().child = Some(child);
+    // Both at once: a child may block on either.
+    let stderr = std::thread::spawn(move || drained(err));
+    let stdout = drained(out);
+    let stderr = stderr.join().unwrap_or_else(|_| Ok(Vec::new()));
+    let child = open().child.take();
+    let mut child = child.ok_or_else(|| io::Error::other("the process is gone"))?;
+    Ok(Output { status: child.wait()?, stdout: stdout?, stderr: stderr? })
+}
+
+fn drained(pipe: Option<impl Read>) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    if let Some(mut pipe) = pipe {
+        pipe.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
+}
+
+/// A temporary folder that goes with the run, also if that is interrupted.
+pub struct Folder(std::path::PathBuf);
+
+impl Folder {
+    /// An empty one.
+    ///
+    /// # Errors
+    /// Those of the system.
+    pub fn new() -> io::Result<Self> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().to_path_buf();
+        open().folder = Some(folder);
+        Ok(Self(path))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        open().folder = None;
+    }
+}

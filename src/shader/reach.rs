@@ -1,0 +1,251 @@
+//! What a shader may declare that no pass can give it: the sentence that refuses it when it is made.
+//!
+//! A pass binds blocks, two-dimensional textures of floats, and samplers that do not compare. It draws
+//! triangles, and nothing in it has an address. A shader that asks for more is a valid module, and could be
+//! spliced; but what it asks for would be undefined, and drivers crash on some of it.
+//!
+//! What is not here is right as Vulkan has it. Outputs at locations without a target vanish. A vertex
+//! shader's `gl_PointSize` is for points, and says nothing to triangles.
+
+use super::{
+    Stage,
+    module::{Index, Outcome, ids},
+    usage::Usage,
+};
+use rspirv::{
+    dr::{Instruction, Operand},
+    spirv::{BuiltIn, Decoration, Dim, Op, StorageClass, Word},
+};
+
+/// Why no pass can draw with the shader; `None` if one can.
+pub(super) fn refusal(index: &Index, usage: &Usage, stage: Stage) -> Outcome<Option<String>> {
+    for variable in usage.variables(index) {
+        let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
+            continue;
+        };
+        let (class, ty) = index.pointer(pointer)?;
+        let refusal = match class {
+            StorageClass::UniformConstant => resource(index, id, ty)?,
+            StorageClass::Input if stage == Stage::Fragment => point_coordinate(index, id),
+            _ => None,
+        };
+        if refusal.is_some() {
+            return Ok(refusal);
+        }
+    }
+    for instruction in usage.instructions() {
+        if compares(instruction.class.opcode) {
+            return Ok(Some(comparison(index, usage, instruction)));
+        }
+    }
+    let by_address = |i: &Instruction| {
+        i.class.opcode == Op::TypePointer
+            && i.operands.first()
+                == Some(&Operand::StorageClass(StorageClass::PhysicalStorageBuffer))
+            && i.result_id.is_some_and(|id| usage.uses(id))
+    };
+    Ok(index.module.types_global_values.iter().any(by_address).then(|| {
+        "it reaches memory by address (buffer_reference); nothing that a pass binds has an address".into()
+    }))
+}
+
+/// The sentence for an image that no texture of a pass is.
+fn resource(index: &Index, id: Word, ty: Word) -> Outcome<Option<String>> {
+    let mut element = ty;
+    while matches!(index.op(element)?, Op::TypeArray | Op::TypeRuntimeArray) {
+        element = index.id_operand(element, 0)?;
+    }
+    let (image, with_sampler) = match index.op(element)? {
+        Op::TypeSampledImage => (index.id_operand(element, 0)?, true),
+        Op::TypeImage => (element, false),
+        _ => return Ok(None),
+    };
+    let name = glsl_type(index, image, with_sampler)?;
+    if matches!(name.as_str(), "sampler2D" | "texture2D") {
+        return Ok(None);
+    }
+    let possible = "the textures of a pass have two dimensions, one layer and float texels: sampler2D, or \
+                    texture2D and sampler";
+    Ok(Some(format!("{} is a {name}; {possible}", place(index, id))))
+}
+
+/// The variable's name and place.
+fn place(index: &Index, id: Word) -> String {
+    let named = index.module.debug_names.iter().find_map(|i| match i.operands.as_slice() {
+        [Operand::IdRef(target), Operand::LiteralString(name)]
+            if i.class.opcode == Op::Name && *target == id && !name.is_empty() =>
+        {
+            Some(format!("`{name}`"))
+        }
+        _ => None,
+    });
+    let at = |decoration| index.literal(id, decoration).unwrap_or(0);
+    let (set, binding) = (at(Decoration::DescriptorSet), at(Decoration::Binding));
+    format!("{} (set {set}, binding {binding})", named.unwrap_or_else(|| "a resource".into()))
+}
+
+/// What GLSL calls an image, with its sampler or without.
+fn glsl_type(index: &Index, image: Word, with_sampler: bool) -> Outcome<String> {
+    let texel = index.id_operand(image, 0)?;
+    let prefix = match index.op(texel)? {
+        Op::TypeInt if index.number(texel, 1)? == 1 => "i",
+        Op::TypeInt => "u",
+        _ => "",
+    };
+    let is = |operand| index.number(image, operand).map(|value| value == 1);
+    let dimension = match index.def(image)?.operands.get(1) {
+        Some(Operand::Dim(Dim::Dim1D)) => "1D",
+        Some(Operand::Dim(Dim::Dim2D)) => "2D",
+        Some(Operand::Dim(Dim::Dim3D)) => "3D",
+        Some(Operand::Dim(Dim::DimCube)) => "Cube",
+        Some(Operand::Dim(Dim::DimRect)) => "2DRect",
+        Some(Operand::Dim(Dim::DimBuffer)) => "Buffer",
+        Some(Operand::Dim(Dim::DimSubpassData)) => {
+            let samples = if is(4)? { "MS" } else { "" };
+            return Ok(format!("{prefix}subpassInput{samples}"));
+        }
+        _ => "image of an unknown kind",
+    };
+    // Operand 5 of OpTypeImage: 2 is read and written without a sampler.
+    let kind = match (with_sampler, index.number(image, 5)?) {
+        (true, _) => "sampler",
+        (false, 2) => "image",
+        (false, _) => "texture",
+    };
+    let samples = if is(4)? { "MS" } else { "" };
+    let layers = if is(3)? { "Array" } else { "" };
+    let shadow = if with_sampler && is(2)? { "Shadow" } else { "" };
+    Ok(format!("{prefix}{kind}{dimension}{samples}{layers}{shadow}"))
+}
+
+fn point_coordinate(index: &Index, id: Word) -> Option<String> {
+    (index.built_in(id, None) == Some(BuiltIn::PointCoord)).then(|| {
+        "it reads gl_PointCoord, which Vulkan defines for points alone; a pass draws triangles"
+            .into()
+    })
+}
+
+fn compares(op: Op) -> bool {
+    matches!(
+        op,
+        Op::ImageSampleDrefImplicitLod
+            | Op::ImageSampleDrefExplicitLod
+            | Op::ImageSampleProjDrefImplicitLod
+            | Op::ImageSampleProjDrefExplicitLod
+            | Op::ImageDrefGather
+    )
+}
+
+/// The sentence for sampling with a comparison; it names the sampler if that is found on a straight way.
+fn comparison(index: &Index, usage: &Usage, sample: &Instruction) -> String {
+    let defined = |id: Word| usage.instructions().find(|i| i.result_id == Some(id));
+    let mut from = ids(sample).next();
+    let sampler = loop {
+        let Some(id) = from else { break None };
+        let Some(i) = defined(id) else { break index.def(id).ok().map(|_| id) };
+        // Of an image and its sampler, the sampler comes second.
+        from = match i.class.opcode {
+            Op::SampledImage => ids(i).nth(1),
+            Op::Load | Op::AccessChain | Op::InBoundsAccessChain | Op::CopyObject => ids(i).next(),
+            _ => break None,
+        };
+    };
+    let is_bound = |id: &Word| index.literal(*id, Decoration::Binding).is_some();
+    let what = match sampler.filter(is_bound) {
+        Some(id) => format!("{} is a samplerShadow", place(index, id)),
+        None => "it samples with a comparison (samplerShadow)".into(),
+    };
+    format!("{what}; the samplers of a pass do not compare: sampler")
+}
+
+#[cfg(all(test, feature = "glsl"))]
+mod tests {
+    use crate::shader::{Shader, Stage};
+
+    /// The sentence for a fragment shader that declares and uses something.
+    fn reason(declaration: &str, use_of: &str) -> Option<String> {
+        let source = format!(
+            "#version 460
+             #extension GL_EXT_samplerless_texture_functions : require
+             #extension GL_EXT_buffer_reference : require
+             #extension GL_EXT_nonuniform_qualifier : require
+             {declaration}
+             layout(location = 0) out vec4 color;
+             void main() {{ color = vec4({use_of}); }}"
+        );
+        Shader::from_glsl(Stage::Fragment, "odd.frag", &source).err().map(|e| e.to_string())
+    }
+
+    #[test]
+    fn each_kind_of_image_is_refused_by_its_name() {
+        let at = "layout(set = 1, binding = 7)";
+        for (ty, use_of) in [
+            ("sampler1D", "texture(odd, 0.5)"),
+            ("sampler3D", "texture(odd, vec3(0.5))"),
+            ("samplerCube", "texture(odd, vec3(0.5))"),
+            ("sampler1DArray", "texture(odd, vec2(0.5))"),
+            ("sampler2DArray", "texture(odd, vec3(0.5))"),
+            ("samplerCubeArray", "texture(odd, vec4(0.5))"),
+            ("sampler2DShadow", "texture(odd, vec3(0.5))"),
+            ("samplerCubeShadow", "texture(odd, vec4(0.5))"),
+            ("sampler2DArrayShadow", "texture(odd, vec4(0.5))"),
+            ("sampler2DMS", "texelFetch(odd, ivec2(0), 0)"),
+            ("isampler2D", "texture(odd, vec2(0.5))"),
+            ("usampler3D", "texture(odd, vec3(0.5))"),
+            ("samplerBuffer", "texelFetch(odd, 0)"),
+            ("texture3D", "texelFetch(odd, ivec3(0), 0)"),
+            ("utexture2D", "texelFetch(odd, ivec2(0), 0)"),
+            ("texture2DArray", "texelFetch(odd, ivec3(0), 0)"),
+        ] {
+            let text = reason(&format!("{at} uniform {ty} odd;"), use_of).expect(ty);
+            let sentence =
+                format!("shader `odd.frag`: `odd` (set 1, binding 7) is a {ty}; the textures");
+            assert!(text.starts_with(&sentence), "{text}");
+            assert!(text.contains("sampler2D, or texture2D and sampler"), "{text}");
+        }
+        let text = reason(&format!("{at} uniform samplerCube odd[];"), "texture(odd[3], vec3(1))");
+        assert!(text.unwrap().contains("`odd` (set 1, binding 7) is a samplerCube"));
+        let image = "layout(set = 0, binding = 2, rgba8) uniform image2D odd;";
+        let text = reason(image, "imageLoad(odd, ivec2(0))").unwrap();
+        assert!(text.contains("`odd` (set 0, binding 2) is a image2D"), "{text}");
+        let input = "layout(input_attachment_index = 0, binding = 3) uniform subpassInput odd;";
+        let text = reason(input, "subpassLoad(odd)").unwrap();
+        assert!(text.contains("is a subpassInput"), "{text}");
+    }
+
+    #[test]
+    fn samplers_that_compare_are_refused() {
+        let declared = "layout(binding = 0) uniform texture2D depth;
+            layout(binding = 1) uniform samplerShadow comparing;";
+        let direct = "texture(sampler2DShadow(depth, comparing), vec3(0.5))";
+        let text = reason(declared, direct).unwrap();
+        assert!(text.contains("`comparing` (set 0, binding 1) is a samplerShadow"), "{text}");
+        let through = format!(
+            "{declared}
+            float at(texture2D t, samplerShadow s) {{ return texture(sampler2DShadow(t, s), vec3(0.5)); }}"
+        );
+        let text = reason(&through, "at(depth, comparing)").unwrap();
+        assert!(text.contains("samplerShadow"), "{text}");
+    }
+
+    #[test]
+    fn what_triangles_and_bindings_do_not_have_is_refused() {
+        let text = reason("", "gl_PointCoord, 0, 1").unwrap();
+        assert!(text.contains("odd.frag") && text.contains("gl_PointCoord"), "{text}");
+        let pointer = "layout(buffer_reference) readonly buffer Word { float word; };
+            layout(push_constant) uniform Push { Word at; };";
+        let text = reason(pointer, "at.word").unwrap();
+        assert!(text.contains("by address (buffer_reference)"), "{text}");
+    }
+
+    #[test]
+    fn what_is_declared_and_not_used_is_no_reason() {
+        assert_eq!(reason("layout(binding = 0) uniform samplerCube odd;", "1"), None);
+        let plain = "layout(binding = 0) uniform sampler2D a;
+            layout(binding = 1) uniform texture2D b;
+            layout(binding = 2) uniform sampler c;";
+        let use_of =
+            "texture(a, vec2(0)) + texture(sampler2D(b, c), vec2(0)) + texelFetch(b, ivec2(0), 0)";
+        assert_eq!(reason(plain, use_of), None);
+    }
+}

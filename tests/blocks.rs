@@ -1,0 +1,109 @@
+//! What do shaders read beyond the range that is bound to a block?
+
+use crate::common::{gpu, on_each_gpu};
+use std::sync::Arc;
+use tilewright::{
+    classic, compute,
+    format::Format,
+    image::Extent,
+    pass::{
+        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Frame, Pass,
+        Pipeline,
+    },
+    shader::{Shader, Stage},
+    state::DepthState,
+    vk::Gpu,
+};
+
+const VERTEX: &str = "#version 450
+layout(binding = 1) uniform Corners { vec4 first; vec4 nudge; };
+void main() {
+    vec2 corner = vec2(gl_VertexIndex & 1, gl_VertexIndex >> 1) * 4.0 - 1.0;
+    gl_Position = vec4(corner, 0, 1) + first + nudge;
+}";
+
+/// Draws a triangle over the whole target by both executors. `Block` of `fragment` is bound to the last
+/// `bytes` bytes of a buffer, all of which are ones.
+fn draw(gpu: &Gpu, fragment: &str, bytes: usize, bind: fn(BufferRange) -> Binding) -> [Frame; 2] {
+    let shader = |stage, label: &str, source: &str| {
+        Arc::new(Shader::from_glsl(stage, label, source).unwrap_or_else(|e| panic!("{e}")))
+    };
+    let source = format!("#version 450\nlayout(location = 0) out vec4 color;\n{fragment}");
+    let ones: Vec<u8> = [1.0f32; 96].iter().flat_map(|one| one.to_ne_bytes()).collect();
+    let ones = Arc::new(Buffer { label: "ones".into(), bytes: ones[..256 + bytes].to_vec() });
+    let zeros = Arc::new(Buffer { label: "zeros".into(), bytes: vec![0; 16] });
+    let range = BufferRange { buffer: ones, offset: 256, bytes };
+    let entry = |binding, resource| BindingEntry { binding, resources: vec![resource] };
+    let corners = Binding::Uniform(BufferRange::whole(&zeros));
+    let set = BindingSet { entries: vec![entry(0, bind(range)), entry(1, corners)] };
+    let mut pass = Pass::new("short", Extent::new(8, 8));
+    pass.color.format = Format::Rgba8Unorm;
+    pass.pipelines.push(Arc::new(Pipeline {
+        depth: DepthState::OFF,
+        ..Pipeline::new(
+            "short",
+            shader(Stage::Vertex, "short.vert", VERTEX),
+            shader(Stage::Fragment, "short.frag", &source),
+        )
+    }));
+    pass.draws.push(Draw { sets: vec![Arc::new(set)], ..Draw::new(0, 3) });
+    let by_compute = compute::Renderer::new(gpu).unwrap().render(&pass).unwrap();
+    [by_compute, classic::Renderer::new(gpu).unwrap().render(&pass).unwrap()]
+}
+
+#[test]
+fn zeros_follow_a_short_uniform_block() {
+    on_each_gpu("zeros follow a short uniform block", |gpu| {
+        let fragment =
+            "layout(binding = 0) uniform Block { vec4 first; vec4 second; vec4 list[3]; };
+            void main() {
+                int n = int(gl_FragCoord.x) % 3;
+                color = vec4(first.x, second.y, second.z, 1.0) + list[n] + list[2];
+            }";
+        for (bytes, expected) in [(16, [255, 0, 0, 255]), (24, [255, 255, 0, 255])] {
+            for frame in draw(gpu, fragment, bytes, Binding::Uniform) {
+                for x in 0..8 {
+                    assert_eq!(frame.color.texel(x, 5), expected, "{bytes} bytes, pixel {x}");
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn a_short_storage_block_has_the_elements_that_there_is_room_for() {
+    let fragment = "layout(binding = 0) readonly buffer Block { uint count; vec4 items[]; };
+        void main() {
+            color = vec4(items.length() == 0 ? 1.0 : 0.0, items.length() == 2 ? 1.0 : 0.0, 0.0, 1.0);
+            for (int i = 0; i < items.length(); i++) color.b += items[i].z;
+        }";
+    for (bytes, expected) in [(16, [255, 0, 0, 255]), (48, [0, 255, 255, 255])] {
+        for frame in draw(&gpu(), fragment, bytes, Binding::Storage) {
+            assert_eq!(frame.color.texel(3, 3), expected, "{bytes} bytes");
+        }
+    }
+}
+
+/// The first word of the block decides how far: no compiler knows.
+///
+/// Storage on the driver under test alone: SwiftShader checks no bounds where lanes may choose the block, as
+/// in kernels they may, and crashes.
+#[test]
+fn what_is_indexed_beyond_a_block_is_never_other_memory() {
+    let far = "layout(binding = 0) buffer Block { vec4 first; vec4 items[]; };
+        void main() {
+            int step = int(first.x) << 20;
+            for (int i = 1; i < 8; i++) items[i * step] = vec4(7.0);
+            color = vec4(first.xy, 0.0, 1.0) + items[step + int(gl_FragCoord.x)] * 0.0;
+        }";
+    let uniform = "layout(binding = 0) uniform Block { vec4 first; vec4 items[64]; };
+        void main() { color = vec4(first.xy, items[int(first.x) << 5].x, 1.0); }";
+    for frame in draw(&gpu(), far, 32, Binding::Storage) {
+        assert_eq!(frame.color.texel(3, 3)[..2], [255, 255]);
+    }
+    on_each_gpu("what is indexed beyond a block is never other memory", |gpu| {
+        for frame in draw(gpu, uniform, 32, Binding::Uniform) {
+            assert_eq!(frame.color.texel(3, 3), [255, 255, 0, 255]);
+        }
+    });
+}
