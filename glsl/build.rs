@@ -1,37 +1,26 @@
-//! Stops a build whose `glsl/spirv/` is older than the GLSL it was made from.
-//!
-//! The SPIR-V of `glsl/` is part of the repository, so that no build waits for a GLSL compiler. Beside it
-//! stands a checksum of each text that it was compiled from; this script compares them. What the kernels
-//! take from `src/abi.rs` is compared by the compiler itself (`glsl/spirv/layout.rs`), and that each file
-//! is what its GLSL gives, by the tests of `glsl/tool`.
-//!
-//! It also tells which commit is built (`commit`).
+//! What has to be right before the crate compiles: `glsl/spirv/` is up to date (`stale`), and for the feature
+//! `glsl` there is a libshaderc that links (`shaderc`). It also tells which commit is built (`commit`).
 
-use std::{fs, path::Path, process::ExitCode};
+use std::process::ExitCode;
 
 mod commit;
+mod shaderc;
 mod source;
+mod stale;
 
 fn main() -> ExitCode {
     println!("cargo:rerun-if-changed=glsl");
     commit::tell();
-    let glsl = Path::new("glsl");
-    let list = fs::read_to_string(glsl.join("spirv").join(source::LIST)).unwrap_or_default();
-    let changed: Vec<&str> = list
-        .lines()
-        .filter_map(|line| Some((line, line.split_once(' ')?.1)))
-        .filter(|(line, name)| {
-            let text = source::expand(glsl, name);
-            !text.is_ok_and(|text| source::entry(name, &text).trim_end() == *line)
-        })
-        .map(|(_, name)| name)
-        .collect();
-    if changed.is_empty() {
-        return ExitCode::SUCCESS;
+    let glsl = std::env::var_os("CARGO_FEATURE_GLSL").is_some();
+    let found = if glsl { shaderc::find() } else { Ok("none".into()) };
+    match stale::check().and(found) {
+        Ok(libshaderc) => {
+            println!("cargo:rustc-env=LIBSHADERC={libshaderc}");
+            ExitCode::SUCCESS
+        }
+        Err(reason) => {
+            eprintln!("{reason}");
+            ExitCode::FAILURE
+        }
     }
-    eprintln!(
-        "glsl/spirv/ is out of date: the text of {} has changed. Run `cargo spirv`, which compiles it.",
-        changed.join(", ")
-    );
-    ExitCode::FAILURE
 }

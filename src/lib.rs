@@ -36,8 +36,9 @@
 //!
 //! # Features
 //!
-//! `cli` (on by default) is the tool and what it needs; `glsl`, which it includes, compiles GLSL at run
-//! time. With neither, shaders are handed in as SPIR-V, and [`compare`] has no id pass.
+//! `cli` (on by default) is the tool and what it needs. `glsl` compiles users' GLSL at run time by the
+//! system's libshaderc, `glsl-bundled` by a compiler that is built along. With neither, shaders are handed in
+//! as SPIR-V; the crate's own are SPIR-V anyway.
 //!
 //! # Invariants, as things that are absent
 //!
@@ -68,6 +69,7 @@ pub mod format;
 pub mod grid;
 pub mod image;
 mod kept;
+mod load_spirv;
 pub mod pass;
 pub mod plan;
 mod prebuilt;

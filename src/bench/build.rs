@@ -41,7 +41,7 @@ fn shaders(varyings: u32) -> Result<(Arc<Shader>, Arc<Shader>)> {
             let pair = |at: usize| {
                 let ((n, vertex), (_, fragment)) = (prebuilt::VERTEX[at], prebuilt::FRAGMENT[at]);
                 let shader = |stage, label, words| {
-                    Shader::from_spirv(stage, &format!("bench/{label} ({n})"), words).map(Arc::new)
+                    Shader::own(stage, &format!("bench/{label} ({n})"), words).map(Arc::new)
                 };
                 Ok((
                     n,

@@ -45,7 +45,6 @@ impl Prepared {
     }
 
     /// Replaces the draws by those of `pass`, whose targets are those that are here.
-    #[cfg(feature = "glsl")]
     pub(super) fn record(
         &mut self,
         gpu: &Gpu,

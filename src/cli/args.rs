@@ -166,12 +166,31 @@ Example:
 #[derive(Debug, Args)]
 pub struct ConformShadersArgs {
     /// The folder; searched to any depth
+    ///
+    /// Shaders are GLSL (.vert .frag .vs .fs .vsh .fsh, `a.vert.glsl`, or .glsl with `#pragma
+    /// shader_stage(vertex)`) and SPIR-V (.spv). GLSL asks for a build with the feature `glsl` or
+    /// `glsl-bundled`. Example: tilewright conform shaders assets/shaders -I assets/include
     pub dir: PathBuf,
+    /// Look for included files in this folder too; may be given several times
+    #[arg(short = 'I', long = "include", value_name = "DIR")]
+    pub include: Vec<PathBuf>,
+    /// The stage of every shader, whatever its name says; takes .glsl files in that name none
+    #[arg(long, value_enum)]
+    pub stage: Option<StageArg>,
     /// Print JSON instead of a table
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
     pub device: DeviceArgs,
+}
+
+/// A stage of `conform shaders`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum StageArg {
+    /// Vertex shaders
+    Vertex,
+    /// Fragment shaders
+    Fragment,
 }
 
 #[derive(Debug, Args)]

@@ -1,7 +1,7 @@
 //! `tilewright conform shaders`: what becomes of the shaders in a folder.
 
 use super::{
-    args::ConformShadersArgs,
+    args::{ConformShadersArgs, StageArg},
     device,
     exit::Outcome,
     output::{write_json, write_stdout},
@@ -11,6 +11,7 @@ use crate::{
     compute,
     error::Result,
     shader::{
+        FileOptions, Stage,
         conform::{Conformance, conform},
         splice::Derivatives,
     },
@@ -29,9 +30,15 @@ pub fn shaders(args: &ConformShadersArgs) -> Result<Outcome> {
     let derivatives =
         if gpu.has_compute_derivatives() { Derivatives::Native } else { Derivatives::Quad };
     let mut renderer = compute::Renderer::new(&gpu)?;
+    let stage = args.stage.map(|stage| match stage {
+        StageArg::Vertex => Stage::Vertex,
+        StageArg::Fragment => Stage::Fragment,
+    });
+    let options = FileOptions { stage, include: args.include.clone() };
     let bar = talk::progress("shaders", 0);
     let found = conform(
         &args.dir,
+        &options,
         derivatives,
         &mut |shader| renderer.make_kernels(&Arc::new(shader.clone())),
         &mut |done, files| {
@@ -41,7 +48,11 @@ pub fn shaders(args: &ConformShadersArgs) -> Result<Outcome> {
     )?;
     drop(bar);
     if found.files == 0 {
-        return Err(crate::Error::input(&args.dir, "there is no .vert or .frag file in it"));
+        return Err(crate::Error::input(
+            &args.dir,
+            "there is no shader in it: files end in .vert, .frag, .vs, .fs, .spv or .glsl (with `#pragma \
+             shader_stage(vertex)` or with --stage)",
+        ));
     }
     if args.json {
         write_json(&json_of(&found, gpu.info()))?;

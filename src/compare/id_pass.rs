@@ -144,7 +144,7 @@ fn id_offset(pipeline: &Pipeline) -> Result<usize> {
 }
 
 fn id_shader(offset: usize) -> Result<Shader> {
-    Shader::from_spirv(Stage::Fragment, "compare/id.frag", &id_module(offset as u32))
+    Shader::own(Stage::Fragment, "compare/id.frag", &id_module(offset as u32))
 }
 
 /// The id shader with its push constant at `offset`. SPIR-V takes a number there, no specialization

@@ -188,12 +188,7 @@ impl Slots for TableSlots<'_> {
         Ok(slot)
     }
 
-    fn bindings(
-        &mut self,
-        set: &Arc<BindingSet>,
-        entry: &BindingEntry,
-        block: u32,
-    ) -> Result<u32> {
+    fn bindings(&mut self, set: &Arc<BindingSet>, entry: &BindingEntry, block: u32) -> Result<u32> {
         let key = (Arc::as_ptr(set), entry.binding, block);
         if let Some(&first) = self.bound.get(&key) {
             return Ok(first);

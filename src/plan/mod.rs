@@ -38,12 +38,7 @@ pub trait Slots {
     fn buffer(&mut self, buffer: &Arc<Buffer>) -> Result<u32>;
     /// The first of consecutive slots of the elements of one shader variable, which `set` binds by the
     /// entry `entry`; `block` is the bytes of the block that it is, if it is one.
-    fn bindings(
-        &mut self,
-        set: &Arc<BindingSet>,
-        entry: &BindingEntry,
-        block: u32,
-    ) -> Result<u32>;
+    fn bindings(&mut self, set: &Arc<BindingSet>, entry: &BindingEntry, block: u32) -> Result<u32>;
     /// The slot of a push-constant block.
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32>;
     /// Whether the table has no slot left of some kind, so that it was what refused a draw.

@@ -34,7 +34,7 @@ pub(super) fn shaders() -> Result<Shaders> {
     if let Some(made) = MADE.get() {
         return Ok(made.clone());
     }
-    let module = |stage, label: &str, words| Shader::from_spirv(stage, label, words).map(Arc::new);
+    let module = |stage, label: &str, words| Shader::own(stage, label, words).map(Arc::new);
     let made = Shaders {
         vertex: module(Stage::Vertex, "scene/material.vert", prebuilt::VERTEX)?,
         opaque: module(Stage::Fragment, "scene/material.frag", prebuilt::FRAGMENT)?,

@@ -1,4 +1,5 @@
-//! GLSL to SPIR-V, through glslang.
+//! GLSL to SPIR-V, through whichever compiler the crate was built with: the system's libshaderc
+//! (`system`) or the bundled glslang (`bundled`), which goes first where both are there.
 //!
 //! The source is compiled as it stands: nothing is inserted, so messages name the user's own lines
 //! and the module is the one that any other Vulkan program would make of it. What a compute kernel
@@ -7,50 +8,65 @@
 //! the source. It needs another extension and `#line`, changes what the device's own pipeline runs,
 //! and does nothing for SPIR-V.)
 //!
-//! How the compiler is set up is in `compiler`. One serves the whole process; it may be used from
-//! any thread. The first call of a process builds the tables of built-in functions, a tenth of a
-//! second and more, later ones take milliseconds.
+//! The compilers may be used from any thread. The first call of a process builds the tables of built-in
+//! functions, a tenth of a second and more, later ones take milliseconds.
 
-use super::{Stage, compiler::to_spirv, include::Beside, module::Outcome, stored::Entry};
+use super::{Stage, include::Finder, module::Outcome, stored::Entry, validate};
 use crate::{Error, Result, cache};
-use glslang::{Compiler, ShaderSource, ShaderStage, error::GlslangError, include::IncludeHandler};
-use std::path::Path;
 
-/// Compiles `source` to SPIR-V with entry point `main`. `file` is where it came from, for files that
-/// it includes.
+#[cfg(feature = "glsl-bundled")]
+use super::bundled as compiler;
+#[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
+use super::system as compiler;
+
+/// Where there is no compiler.
+#[cfg(not(any(feature = "glsl", feature = "glsl-bundled")))]
+mod compiler {
+    pub type Find<'a> = dyn Fn(&str, &str, usize) -> Option<(String, String)> + 'a;
+
+    pub fn compile(_: &str, _: &str, _: &Find) -> Result<Vec<u32>, String> {
+        Err("this build of tilewright has no GLSL compiler. Build it with the feature `glsl`, which uses \
+             the system's libshaderc (package libshaderc-dev), or with `glsl-bundled`, which compiles a \
+             compiler from C++ (some minutes); or hand in SPIR-V"
+            .into())
+    }
+}
+
+/// Compiles `source` to SPIR-V with entry point `main`, and validates what came out.
 ///
 /// # Errors
-/// [`Error::Shader`] with the compiler's messages, `line N: …` each.
+/// [`Error::Shader`] with the compiler's messages, `line N: …` each, or the validator's.
 pub(super) fn compile(
     stage: Stage,
     label: &str,
     source: &str,
-    file: Option<&Path>,
+    finder: &Finder,
 ) -> Result<Vec<u32>> {
     let stored = Entry::new(cache::folder().as_deref(), stage, source);
     if let Some(words) = stored.as_ref().and_then(Entry::read) {
         return Ok(words);
     }
     let stage = match stage {
-        Stage::Vertex => ShaderStage::Vertex,
-        Stage::Fragment => ShaderStage::Fragment,
+        Stage::Vertex => "vert",
+        Stage::Fragment => "frag",
     };
-    let words = words(stage, source, file).map_err(|reason| Error::shader(label, reason))?;
+    let words = words(stage, source, finder)
+        .and_then(|words| validate::validate(&words).map(|()| words))
+        .map_err(|reason| Error::shader(label, reason))?;
     if let Some(entry) = stored {
         entry.write(&words);
     }
     Ok(words)
 }
 
-fn words(stage: ShaderStage, source: &str, file: Option<&Path>) -> Outcome<Vec<u32>> {
-    let compiler = Compiler::acquire().ok_or("the GLSL compiler does not start")?;
-    // Without one, glslang takes the source for the first version there was, and complains of that.
+fn words(stage: &str, source: &str, finder: &Finder) -> Outcome<Vec<u32>> {
+    // Without one, compilers take the source for the first version there was, and complain of that.
     let versioned = source.contains("#version");
-    let source = ShaderSource::from(plain_ascii(source)?);
-    let mut beside = file.map(Beside::new);
-    let includes = beside.as_mut().map(|handler| handler as &mut dyn IncludeHandler);
-    to_spirv(compiler, stage, &source, includes).map_err(|error| match versioned {
-        true => message(error),
+    let source = plain_ascii(source)?;
+    let find = |name: &str, includer: &str, depth| finder.find(name, includer, depth);
+    compiler::compile(stage, &source, &find).map_err(|log| match versioned {
+        true => message(&log, &source),
+        false if log.contains("no GLSL compiler") => log,
         false => "there is no `#version` line: `#version 450` belongs at the top".into(),
     })
 }
@@ -66,18 +82,11 @@ pub(super) fn plain_ascii(source: &str) -> Outcome<String> {
 }
 
 /// The compiler's log as sentences that name lines.
-fn message(error: GlslangError) -> String {
-    let log = match error {
-        GlslangError::PreprocessError(log)
-        | GlslangError::ParseError(log)
-        | GlslangError::MapIoError(log)
-        | GlslangError::LinkError(log) => log.log,
-        GlslangError::InvalidProfile(_, version, _)
-        | GlslangError::VersionUnsupported(version, _) => {
-            return format!("`#version {version}` is no version of GLSL that Vulkan takes");
-        }
-        other => return other.to_string(),
-    };
+fn message(log: &str, source: &str) -> String {
+    if log.contains("version not supported") {
+        let line = source.lines().find(|line| line.contains("#version")).unwrap_or_default();
+        return format!("`{}` is no version of GLSL that Vulkan takes", line.trim());
+    }
     let lines: Vec<String> = log
         .lines()
         .map(str::trim)
@@ -87,38 +96,43 @@ fn message(error: GlslangError) -> String {
     if lines.is_empty() { "it does not compile".into() } else { lines.join("\n") }
 }
 
-/// `ERROR: 0:12: 'x' : undeclared identifier` becomes `line 12: 'x' : undeclared identifier`. In an
-/// included file, its name stands where the 0 is.
+/// `ERROR: 0:12: 'x' : undeclared identifier` (glslang's form) and `0:12: error: 'x' : undeclared
+/// identifier` (shaderc's) become `line 12: 'x' : undeclared identifier`. In an included file, its name
+/// stands where the 0 is.
 fn readable(line: &str) -> String {
     let (kind, rest) = match line.split_once(": ") {
         Some(("ERROR", rest)) => ("", rest),
         Some(("WARNING", rest)) => ("warning, ", rest),
-        _ => return line.to_string(),
+        _ => ("", line),
     };
-    let located = rest.split_once(": ").and_then(|(place, text)| {
-        let (file, number) = place.rsplit_once(':')?;
-        number.parse::<u32>().ok().map(|number| (file, number, text))
-    });
-    match located {
-        Some(("0", number, text)) => format!("{kind}line {number}: {text}"),
-        Some((file, number, text)) => format!("{kind}{file} line {number}: {text}"),
-        None => format!("{kind}{rest}"),
+    let Some((place, text)) = rest.split_once(": ") else { return rest.into() };
+    let (kind, text) = match text.split_once(": ") {
+        Some(("error", text)) => ("", text),
+        Some(("warning", text)) => ("warning, ", text),
+        _ => (kind, text),
+    };
+    let number = place.rsplit_once(':').and_then(|(f, n)| Some((f, n.parse::<u32>().ok()?)));
+    match (number, place) {
+        (Some(("0", number)), _) => format!("{kind}line {number}: {text}"),
+        (Some((file, number)), _) => format!("{kind}{file} line {number}: {text}"),
+        (None, "0") => format!("{kind}{text}"),
+        (None, _) => format!("{kind}{rest}"),
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 pub(super) mod tests {
     use super::*;
 
     /// Compiles a compute shader for a test.
     pub fn kernel(source: &str) -> Vec<u32> {
-        words(ShaderStage::Compute, source, None).unwrap()
+        words("comp", source, &Finder::default()).unwrap()
     }
 
     const HEAD: &str = "#version 450\nlayout(location = 0) out vec4 color;\n";
 
     fn reason(source: &str) -> String {
-        compile(Stage::Fragment, "bad.frag", source, None).unwrap_err().to_string()
+        compile(Stage::Fragment, "bad.frag", source, &Finder::default()).unwrap_err().to_string()
     }
 
     #[test]
@@ -141,17 +155,20 @@ pub(super) mod tests {
     #[test]
     fn comments_may_hold_any_text() {
         let source = format!("{HEAD}// größer – 深度\nvoid main() {{ color = vec4(1); }}");
-        compile(Stage::Fragment, "ok.frag", &source, None).unwrap();
+        compile(Stage::Fragment, "ok.frag", &source, &Finder::default()).unwrap();
     }
 
     #[test]
     fn threads_share_the_compiler() {
         let source = format!("{HEAD}void main() {{ color = vec4(gl_FragCoord.x); }}");
-        let first = compile(Stage::Fragment, "a", &source, None).unwrap();
+        let first = compile(Stage::Fragment, "a", &source, &Finder::default()).unwrap();
         std::thread::scope(|scope| {
             for _ in 0..4 {
                 scope.spawn(|| {
-                    assert_eq!(compile(Stage::Fragment, "a", &source, None).unwrap(), first)
+                    assert_eq!(
+                        compile(Stage::Fragment, "a", &source, &Finder::default()).unwrap(),
+                        first
+                    )
                 });
             }
         });

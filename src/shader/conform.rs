@@ -1,11 +1,11 @@
 //! How far a folder of shaders gets: compiled, spliced, made into kernels.
 //!
-//! Every `.vert` and `.frag` is compiled, spliced into each of the engine's own kernels of its stage,
+//! Every shader (see [`Shader::from_file`]) is compiled, spliced into each of the engine's own kernels of its stage,
 //! and the result is checked (see `splice/verify.rs`). Making pipelines of it is the caller's part,
 //! who has the device: a function that gets each shader which came that far.
 
 use super::{
-    Shader, Stage,
+    FileOptions, Shader, Stage, file,
     splice::{Blocks, Derivatives, SpliceOptions, splice, verify},
 };
 use crate::{Error, Result, prebuilt};
@@ -62,7 +62,7 @@ pub struct Conformance {
     pub refusals: Vec<Refusal>,
 }
 
-/// Tries every `.vert` and `.frag` under `folder`, to any depth.
+/// Tries every shader under `folder`, to any depth.
 ///
 /// `create` makes a shader's kernels; its errors count as refusals. `progress` hears how many files
 /// are done and how many there are.
@@ -71,17 +71,20 @@ pub struct Conformance {
 /// [`Error::Input`] if the folder cannot be read.
 pub fn conform(
     folder: &Path,
+    options: &FileOptions,
     derivatives: Derivatives,
     create: &mut dyn FnMut(&Shader) -> Result<()>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Conformance> {
     let mut files = Vec::new();
-    find(folder, &mut files)?;
+    find(folder, options.stage.is_some(), &mut files)?;
     files.sort();
     let mut result = Conformance { files: files.len(), ..Conformance::default() };
     for (done, path) in files.iter().enumerate() {
         progress(done, files.len());
-        if let Err((step, reason)) = attempt(folder, path, derivatives, create, &mut result) {
+        if let Err((step, reason)) =
+            attempt(folder, path, options, derivatives, create, &mut result)
+        {
             let file = path.strip_prefix(folder).unwrap_or(path).to_path_buf();
             result.refusals.push(Refusal { file, step, reason });
         }
@@ -93,11 +96,12 @@ pub fn conform(
 fn attempt(
     folder: &Path,
     path: &Path,
+    options: &FileOptions,
     derivatives: Derivatives,
     create: &mut dyn FnMut(&Shader) -> Result<()>,
     result: &mut Conformance,
 ) -> std::result::Result<(), (Step, String)> {
-    let shader = Shader::load(folder, path).map_err(|e| (Step::Compile, reason(e)))?;
+    let shader = Shader::load(folder, path, options).map_err(|e| (Step::Compile, reason(e)))?;
     result.compiled += 1;
     let kernels: &[&[u32]] = match shader.stage {
         Stage::Vertex => &[prebuilt::VERTEX],
@@ -105,8 +109,8 @@ fn attempt(
     };
     let both = [Blocks::InPlace, Blocks::Prefetched];
     for (kernel, blocks) in kernels.iter().flat_map(|kernel| both.map(|b| (kernel, b))) {
-        let options = SpliceOptions { derivatives, blocks, specialization: &[] };
-        let spliced = splice(kernel, &shader, &options).map_err(|e| (Step::Splice, reason(e)))?;
+        let wanted = SpliceOptions { derivatives, blocks, specialization: &[] };
+        let spliced = splice(kernel, &shader, &wanted).map_err(|e| (Step::Splice, reason(e)))?;
         verify::verify(&spliced.spirv).map_err(|e| (Step::Check, e))?;
     }
     result.spliced += 1;
@@ -123,23 +127,24 @@ fn reason(error: Error) -> String {
     }
 }
 
-/// Collects shaders. A link to a folder is not followed, so the search ends.
-fn find(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
+/// Collects shaders; if the stage is given, those too whose names tell none. A link to a folder is not
+/// followed, so the search ends.
+fn find(folder: &Path, stage_given: bool, files: &mut Vec<PathBuf>) -> Result<()> {
     let entries = std::fs::read_dir(folder).map_err(|e| Error::input(folder, e))?;
     for entry in entries {
         let entry = entry.map_err(|e| Error::input(folder, e))?;
         let (path, kind) = (entry.path(), entry.file_type());
-        let is_shader = path.extension().is_some_and(|e| e == "vert" || e == "frag");
+        let glsl = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glsl"));
         match kind {
-            Ok(kind) if kind.is_dir() => find(&path, files)?,
-            Ok(_) if is_shader => files.push(path),
+            Ok(kind) if kind.is_dir() => find(&path, stage_given, files)?,
+            Ok(_) if stage_given && glsl || file::is_shader(&path) => files.push(path),
             _ => {}
         }
     }
     Ok(())
 }
 
-#[cfg(test)]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use super::*;
 
@@ -154,10 +159,12 @@ mod tests {
                 _ => Ok(()),
             }
         };
-        let result = conform(&folder, Derivatives::Native, &mut create, &mut |done, all| {
-            seen.push((done, all));
-        })
-        .unwrap();
+        let options = FileOptions::default();
+        let result =
+            conform(&folder, &options, Derivatives::Native, &mut create, &mut |done, all| {
+                seen.push((done, all));
+            })
+            .unwrap();
         assert_eq!(seen.len(), result.files + 1);
         assert_eq!(seen.last(), Some(&(result.files, result.files)));
         assert_eq!(result.created + result.refusals.len(), result.files);
@@ -169,8 +176,13 @@ mod tests {
             }
             assert!(!refusal.reason.is_empty());
         }
-        let gone =
-            conform(&folder.join("none"), Derivatives::Quad, &mut |_| Ok(()), &mut |_, _| {});
+        let gone = conform(
+            &folder.join("none"),
+            &options,
+            Derivatives::Quad,
+            &mut |_| Ok(()),
+            &mut |_, _| {},
+        );
         assert!(gone.unwrap_err().to_string().contains("none"));
     }
 }

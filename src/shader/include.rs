@@ -1,6 +1,5 @@
 //! `#include` of GLSL files, for shaders that come from files.
 
-use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
 use std::{
     borrow::Cow,
     path::{Path, PathBuf},
@@ -25,42 +24,37 @@ pub(super) fn allowed(source: &str) -> Cow<'_, str> {
 /// Deeper nesting is taken for a file that includes itself.
 const DEPTH: usize = 32;
 
-/// Finds what is included beside the file that includes it, or beside the shader.
-pub(super) struct Beside {
-    /// The shader's folder.
-    folder: PathBuf,
+/// Finds what is included: beside the file that includes it, beside the shader, in further folders.
+/// Without a folder it finds nothing.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Finder {
+    folders: Vec<PathBuf>,
 }
 
-impl Beside {
-    /// For the shader at `path`.
-    pub fn new(path: &Path) -> Self {
-        Self { folder: path.parent().unwrap_or(Path::new("")).to_path_buf() }
+impl Finder {
+    /// For the shader at `path`, with further `folders`.
+    pub fn new(path: &Path, folders: &[PathBuf]) -> Self {
+        let own = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        Self { folders: std::iter::once(own).chain(folders.iter().cloned()).collect() }
     }
-}
 
-impl IncludeHandler for Beside {
-    fn include(
-        &mut self,
-        _: IncludeType,
-        name: &str,
-        includer: &str,
-        depth: usize,
-    ) -> Option<IncludeResult> {
-        if depth > DEPTH {
+    /// Path and text of the file called `name` in an `#include` of `includer`.
+    pub fn find(&self, name: &str, includer: &str, depth: usize) -> Option<(String, String)> {
+        if depth > DEPTH || self.folders.is_empty() {
             return None;
         }
         // An included file is known to the compiler by the path under which it was found.
         let beside = Path::new(includer).parent().filter(|p| !p.as_os_str().is_empty());
-        let folders = beside.into_iter().chain([self.folder.as_path()]);
+        let folders = beside.into_iter().chain(self.folders.iter().map(PathBuf::as_path));
         folders.map(|folder| folder.join(name)).find_map(|path| {
-            let data = super::compile::plain_ascii(&std::fs::read_to_string(&path).ok()?).ok()?;
-            let name = path.to_str().filter(|p| !p.contains('\0'))?.to_string();
-            Some(IncludeResult { name, data })
+            let text = super::compile::plain_ascii(&std::fs::read_to_string(&path).ok()?).ok()?;
+            let path = path.to_str().filter(|p| !p.is_empty() && !p.contains('\0'))?;
+            Some((path.to_string(), text))
         })
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use crate::shader::Shader;
 

@@ -5,13 +5,11 @@
 //! engine's kernels.
 
 mod block;
-#[cfg(feature = "glsl")]
+#[cfg(feature = "glsl-bundled")]
+mod bundled;
 mod compile;
-#[cfg(feature = "glsl")]
-mod compiler;
-#[cfg(feature = "glsl")]
 pub mod conform;
-#[cfg(feature = "glsl")]
+mod file;
 mod include;
 mod interface;
 mod module;
@@ -19,12 +17,14 @@ mod reach;
 mod reflect;
 mod resource;
 pub mod splice;
-#[cfg(feature = "glsl")]
 mod stored;
+#[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
+mod system;
 mod usage;
+mod validate;
 
 /// What tests of kernels elsewhere need of those here.
-#[cfg(all(test, feature = "glsl"))]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 pub(crate) mod testing {
     pub use super::{compile::tests::kernel, splice::tests::complaint};
 
@@ -34,14 +34,15 @@ pub(crate) mod testing {
         label: &str,
         source: &str,
     ) -> crate::Result<super::Shader> {
-        let words = super::compile::compile(stage, label, source, None)?;
+        let words =
+            super::compile::compile(stage, label, source, &super::include::Finder::default())?;
         super::Shader::reflected(stage, label, &words)
     }
 }
 
 use crate::{Error, Result};
+pub use file::FileOptions;
 use std::hash::{DefaultHasher, Hash, Hasher};
-#[cfg(feature = "glsl")]
 use std::path::Path;
 
 /// Which stage a shader is for.
@@ -53,11 +54,11 @@ pub enum Stage {
     Fragment,
 }
 
-/// A vertex or fragment shader: SPIR-V with entry point `main`, and what reflection found in it.
+/// A vertex or fragment shader: valid SPIR-V with entry point `main`, and what reflection found in it.
 ///
-/// It asks for nothing that a pass cannot give: textures of two dimensions with float texels, samplers that
-/// do not compare, blocks, triangles. Two shaders are equal if they are the same stage of the same module,
-/// whatever their labels are.
+/// It stays as it was made: drivers take for granted that a module is valid. It asks for nothing that a pass
+/// cannot give: textures of two dimensions with float texels, samplers that do not compare, blocks,
+/// triangles. Two shaders are equal if they are the same stage of the same module, whatever their labels are.
 #[derive(Clone, Debug)]
 pub struct Shader {
     pub(crate) label: String,
@@ -215,49 +216,76 @@ impl Shader {
     /// Compiles Vulkan GLSL (`source`) with entry point `main`.
     ///
     /// # Errors
-    /// [`crate::Error::Shader`] with the compiler's messages, which name lines of `source`; as
-    /// [`Shader::from_spirv`].
-    #[cfg(feature = "glsl")]
+    /// [`Error::Shader`] with the compiler's messages, which name lines of `source`; as
+    /// [`Shader::from_spirv`]; or because the crate was built without a GLSL compiler (features `glsl` and
+    /// `glsl-bundled`).
     pub fn from_glsl(stage: Stage, label: &str, source: &str) -> Result<Shader> {
-        Self::from_spirv(stage, label, &compile::compile(stage, label, source, None)?)
+        let words = compile::compile(stage, label, source, &include::Finder::default())?;
+        Self::own(stage, label, &words)
     }
 
-    /// Compiles the Vulkan GLSL file at `path`, which ends in `.vert` or `.frag`. It may include files
-    /// that lie beside it. The label is `path` without `root`, if it lies under it.
+    /// Takes the file at `path`: SPIR-V (`.spv`) or Vulkan GLSL, which may include files that lie beside it.
+    /// Names such as `a.vert`, `a.vs`, `a.frag.glsl` and `a.vert.spv` tell the stage. The label is `path`
+    /// without `root`, if it lies under it.
     ///
     /// # Errors
-    /// [`Error::Input`] if the file cannot be read or has another ending; [`Error::Shader`] as
-    /// [`Shader::from_glsl`].
-    #[cfg(feature = "glsl")]
+    /// [`Error::Input`] if the file cannot be read or its stage is not known; [`Error::Shader`] as
+    /// [`Shader::from_glsl`] and [`Shader::from_spirv`].
     pub fn from_file(root: &Path, path: &Path) -> Result<Shader> {
-        Self::load(root, path)?.drawable()
+        Self::from_file_with(root, path, &FileOptions::default())
     }
 
-    /// As [`Shader::from_file`], also of what no pass can draw with.
-    #[cfg(feature = "glsl")]
-    pub(crate) fn load(root: &Path, path: &Path) -> Result<Shader> {
-        let stage = match path.extension().and_then(|e| e.to_str()) {
-            Some("vert") => Stage::Vertex,
-            Some("frag") => Stage::Fragment,
-            _ => return Err(Error::input(path, "a shader ends in .vert or .frag")),
-        };
-        let bytes = std::fs::read(path).map_err(|e| Error::input(path, e))?;
-        let source = String::from_utf8_lossy(&bytes);
-        let label = path.strip_prefix(root).unwrap_or(path).display().to_string();
-        let words = compile::compile(stage, &label, &include::allowed(&source), Some(path))?;
-        Self::reflected(stage, &label, &words)
+    /// As [`Shader::from_file`], with what the file does not say: its stage, folders of included files.
+    ///
+    /// # Errors
+    /// As [`Shader::from_file`].
+    pub fn from_file_with(root: &Path, path: &Path, options: &FileOptions) -> Result<Shader> {
+        Self::load(root, path, options)?.drawable()
+    }
+
+    /// As [`Shader::from_file_with`], also of what no pass can draw with.
+    pub(crate) fn load(root: &Path, path: &Path, options: &FileOptions) -> Result<Shader> {
+        file::load(root, path, options)
     }
 
     /// Takes a SPIR-V module whose entry point for `stage` is called `main`.
     ///
+    /// The module is validated first, by the program `spirv-val` of SPIRV-Tools: drivers crash on modules
+    /// that are not valid.
+    ///
     /// # Errors
-    /// [`crate::Error::Shader`] if the words are no module or have no such entry point, or if the shader
-    /// asks for what no pass can give it.
+    /// [`Error::Shader`] if the words are no module or have no such entry point, or if the shader asks for
+    /// what no pass can give it; if they are not valid for Vulkan 1.3, with the validator's sentence; or if
+    /// there is no `spirv-val` in `PATH`.
     pub fn from_spirv(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
+        Self::validated(stage, label, words)?.drawable()
+    }
+
+    /// As [`Shader::from_spirv`], for a module that is known to be valid: no validator is asked.
+    ///
+    /// # Safety
+    /// The module is valid for Vulkan 1.3 as `spirv-val --target-env vulkan1.3 --scalar-block-layout`
+    /// would say.
+    ///
+    /// # Errors
+    /// As [`Shader::from_spirv`], but for validity.
+    pub unsafe fn from_spirv_unchecked(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
+        Self::own(stage, label, words)
+    }
+
+    /// Takes a module that is known to be valid: one of the crate's own, or one that was validated.
+    pub(crate) fn own(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
         Self::reflected(stage, label, words)?.drawable()
     }
 
     /// As [`Shader::from_spirv`], also of what no pass can draw with.
+    pub(crate) fn validated(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
+        let shader = Self::reflected(stage, label, words)?;
+        validate::validate(words).map_err(|reason| Error::shader(label, reason))?;
+        Ok(shader)
+    }
+
+    /// As [`Shader::own`], also of what no pass can draw with.
     pub(crate) fn reflected(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
         let (reflection, refusal) = module::parse(words)
             .and_then(|module| reflect::reflect(&module, stage))

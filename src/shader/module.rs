@@ -8,6 +8,7 @@
 //! not a panic. Refusals inside `shader` are sentences without the shader's name, which the public
 //! functions add.
 
+use crate::load_spirv::load;
 use rspirv::{
     dr::{self, Instruction, Operand},
     spirv::{self, Capability, Decoration, Op, Word},
@@ -23,7 +24,7 @@ const MAX_ID: Word = 0x3f_ffff;
 /// Reads a module.
 pub(super) fn parse(words: &[u32]) -> Outcome<dr::Module> {
     let words = without_debug_information(words)?;
-    let mut module = dr::load_words(&words).map_err(|e| format!("not a SPIR-V module: {e}"))?;
+    let mut module = load(&words).map_err(|e| format!("not a SPIR-V module: {e}"))?;
     for instruction in module.all_inst_iter() {
         let ids = instruction.operands.iter().filter_map(Operand::id_ref_any);
         let own = instruction.result_id.into_iter().chain(instruction.result_type);

@@ -158,7 +158,7 @@ fn comparison(index: &Index, usage: &Usage, sample: &Instruction) -> String {
     format!("{what}; the samplers of a pass do not compare: sampler")
 }
 
-#[cfg(all(test, feature = "glsl"))]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use crate::shader::{Shader, Stage};
 

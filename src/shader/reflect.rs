@@ -148,7 +148,7 @@ pub(super) fn is_atomic(op: Op) -> bool {
     )
 }
 
-#[cfg(all(test, feature = "glsl"))]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use crate::shader::{
         Dimension, Interpolation, ResourceKind, Scalar, Shader, Stage, testing::any_shader,
@@ -262,23 +262,17 @@ mod tests {
     #[test]
     fn what_is_no_module_is_refused() {
         let good = fragment("layout(location = 0) out vec4 c; void main() { c = vec4(1); }").spirv;
-        let reason = |words: &[u32]| {
-            Shader::from_spirv(Stage::Fragment, "bad.spv", words).unwrap_err().to_string()
-        };
+        let reason =
+            |words: &[u32]| Shader::own(Stage::Fragment, "bad.spv", words).unwrap_err().to_string();
         assert!(reason(&[]).contains("magic number"));
         assert!(reason(&good[..good.len() - 3]).contains("bad.spv"));
-        assert!(
-            Shader::from_spirv(Stage::Vertex, "a", &good)
-                .unwrap_err()
-                .to_string()
-                .contains("`main`")
-        );
+        assert!(Shader::own(Stage::Vertex, "a", &good).unwrap_err().to_string().contains("`main`"));
         // Any word may be anything: an error or a module, never a panic.
         for at in 0..good.len() {
             for value in [0, 1, 7, 0x0001_0000, 0xffff_ffff, good[at] ^ 1, good[at] + 1] {
                 let mut words = good.clone();
                 words[at] = value;
-                let _ = Shader::from_spirv(Stage::Fragment, "fuzz", &words);
+                let _ = Shader::own(Stage::Fragment, "fuzz", &words);
             }
         }
     }

@@ -7,7 +7,7 @@
 //! time: what they depend on is not in them.
 
 use super::Stage;
-use crate::{cache, prebuilt};
+use crate::cache;
 use std::{
     path::{Path, PathBuf},
     sync::OnceLock,
@@ -49,19 +49,18 @@ impl Entry {
     }
 }
 
-/// What made the module: this version, the compiler's settings, and the compiler, which is the one
-/// that made the kernels: another one would have made other kernels.
+/// What made the module: this version, the compiler, and its settings.
 fn maker() -> &'static str {
     static MAKER: OnceLock<String> = OnceLock::new();
     MAKER.get_or_init(|| {
         let settings = cache::checksum([
-            include_bytes!("compiler.rs").as_slice(),
+            include_bytes!("bundled.rs").as_slice(),
+            include_bytes!("system.rs").as_slice(),
             include_bytes!("compile.rs").as_slice(),
+            include_bytes!("validate.rs").as_slice(),
         ]);
-        let kernels = [prebuilt::VERTEX, prebuilt::SHADE, prebuilt::ORDERED].concat();
-        let bytes: Vec<u8> = kernels.iter().flat_map(|w| w.to_le_bytes()).collect();
-        let compiler = cache::checksum([bytes.as_slice()]);
-        format!("tilewright {} {settings:016x} {compiler:016x}\n", env!("CARGO_PKG_VERSION"))
+        let compiler = if cfg!(feature = "glsl-bundled") { "bundled" } else { env!("LIBSHADERC") };
+        format!("tilewright {} {settings:016x} {compiler}\n", env!("CARGO_PKG_VERSION"))
     })
 }
 

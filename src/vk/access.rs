@@ -58,7 +58,7 @@ pub(super) fn may_be_in_flight(waited: std::result::Result<(), vk::Result>) -> b
     !matches!(waited, Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST))
 }
 
-#[cfg(all(test, feature = "glsl"))]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use crate::{
         Error,

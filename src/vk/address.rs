@@ -14,6 +14,7 @@
 
 mod pairs;
 
+use crate::load_spirv::load;
 pub(super) use pairs::BLOCK_BYTES;
 use pairs::{Layout, Place, aligned};
 use rspirv::{
@@ -61,7 +62,7 @@ pub(super) fn lower(
     words: &[u32],
     has_int64: bool,
 ) -> std::result::Result<Option<Addressed>, String> {
-    let module = dr::load_words(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
+    let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
     let mut pass = Pass::new(module, has_int64);
     let mut blocks = pass.blocks();
     if blocks.is_empty() {
@@ -436,7 +437,7 @@ fn is(operand: &Operand, id: Word) -> bool {
     *operand == Operand::IdRef(id)
 }
 
-#[cfg(all(test, feature = "glsl"))]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use super::*;
     use crate::{

@@ -1,6 +1,7 @@
 //! What a kernel binds, read from its SPIR-V, so that no binding number is ever typed twice.
 
 use super::address::Addressed;
+use crate::load_spirv::load;
 use ash::vk;
 use rspirv::{
     dr::{self, Operand},
@@ -78,7 +79,7 @@ pub(super) fn reflect(
     words: &[u32],
     specialized: &HashMap<u32, u32>,
 ) -> std::result::Result<KernelReflection, String> {
-    let module = dr::load_words(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
+    let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
     let m = Module::index(&module, specialized);
     let mut found = KernelReflection { workgroup: m.workgroup()?, ..Default::default() };
     for variable in module.types_global_values.iter().filter(|i| i.class.opcode == Op::Variable) {

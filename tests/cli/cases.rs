@@ -5,15 +5,12 @@ use std::{
     fs,
     path::Path,
     process::{Command, Stdio},
-    time::Duration,
 };
-
-const LIMIT: Duration = Duration::from_secs(120);
 
 fn render(scene: impl AsRef<std::ffi::OsStr>, more: &[&str]) -> Run {
     let mut command = command();
     command.arg("render").arg(scene).args(["--size", "32x32", "-o", "-"]).args(more);
-    finish(&mut command, LIMIT)
+    finish(&mut command)
 }
 
 /// A quad from -1 to 1 in the plane z = 0.
@@ -45,13 +42,12 @@ fn paths_that_are_no_utf_8_are_opened() {
     let small = ["--size", "16x16"];
     let mut line = command();
     line.arg("render").arg(&scene).args(small).arg("-o").arg(&picture).arg("--stats").arg(&stats);
-    finish(&mut line, LIMIT).expect(0);
+    finish(&mut line).expect(0);
     assert!(picture.is_file() && stats.is_file());
     let diff = name(b"\xfe.png");
-    finish(command().arg("parity").arg(&scene).args(small).arg("--diff").arg(&diff), LIMIT)
-        .expect(0);
+    finish(command().arg("parity").arg(&scene).args(small).arg("--diff").arg(&diff)).expect(0);
     assert!(diff.is_file());
-    finish(command().arg("render").arg(name(b"no\xe9.obj")).args(["-o", "x.png"]), LIMIT)
+    finish(command().arg("render").arg(name(b"no\xe9.obj")).args(["-o", "x.png"]))
         .expect(4)
         .saying(&["no such file"]);
 }
@@ -80,7 +76,7 @@ fn redirected(line: &[&str], redirect: &str) -> Run {
     shell.arg("-c").arg(format!("exec \"$0\" \"$@\" {redirect}"));
     shell.arg(tool.get_program()).args(line);
     shell.envs(tool.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    finish(&mut shell, LIMIT)
+    finish(&mut shell)
 }
 
 #[cfg(target_os = "linux")]
@@ -132,7 +128,7 @@ fn pictures_go_where_any_file_goes() {
     assert!(made.success());
     let pipe = at("pipe");
     let reader = std::thread::spawn(move || fs::read(pipe).unwrap());
-    finish(&mut line(&at("pipe")), LIMIT).expect(0);
+    finish(&mut line(&at("pipe"))).expect(0);
     assert_eq!(decode(&reader.join().unwrap()).size, (16, 16));
     // To standard output by its name: the file that it is gets the picture.
     let file = fs::File::create(at("out")).unwrap();
@@ -144,7 +140,7 @@ fn pictures_go_where_any_file_goes() {
     assert!(status.success());
     assert_eq!(decode(&fs::read(at("out")).unwrap()).size, (16, 16));
     // Where nothing can be made.
-    finish(&mut line(Path::new("/proc/out.png")), LIMIT).expect(4).saying(&["/proc/out.png"]);
+    finish(&mut line(Path::new("/proc/out.png"))).expect(4).saying(&["/proc/out.png"]);
 }
 
 #[test]
@@ -170,7 +166,7 @@ fn faults_of_the_drivers_variables_are_named() {
             command.args(["render", "builtin:teapot", "-o", "-"]);
             command.env_remove("VK_ICD_FILENAMES").env_remove("VK_DRIVER_FILES");
             command.env_remove("TILEWRIGHT_VALIDATION").env(name, &path);
-            let run = finish(&mut command, LIMIT).expect(3).saying(&[name, said, "unset"]);
+            let run = finish(&mut command).expect(3).saying(&[name, said, "unset"]);
             assert!(run.stdout.is_empty());
         }
     }
@@ -188,6 +184,6 @@ fn too_little_address_space_ends_with_6() {
         let mut shell = Command::new("sh");
         shell.arg("-c").arg(format!("ulimit -v {kib}; exec \"$0\" \"$@\""));
         shell.arg(tool.get_program()).args(line);
-        finish(&mut shell, LIMIT).expect(6).saying(&["ulimit -v", &kib.to_string()]);
+        finish(&mut shell).expect(6).saying(&["ulimit -v", &kib.to_string()]);
     }
 }

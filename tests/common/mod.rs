@@ -1,11 +1,14 @@
 //! What tests of the device share: opening one with the validation layer on, and failing on its
 //! messages; compiling a kernel from a few lines of GLSL.
 
-#[path = "../../src/shader/compiler.rs"]
+#[cfg(feature = "glsl-bundled")]
+#[path = "../../src/shader/bundled.rs"]
+mod compiler;
+#[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
+#[path = "../../src/shader/system.rs"]
 mod compiler;
 pub mod random;
 
-use glslang::{Compiler, ShaderSource, ShaderStage};
 use std::ops::Deref;
 use tilewright::vk::{DeviceInfo, Gpu, GpuOptions, devices};
 
@@ -83,8 +86,5 @@ pub fn open_with(options: GpuOptions) -> TestGpu {
 
 /// A compute shader as SPIR-V, as the engine's own kernels are compiled.
 pub fn kernel_spirv(source: &str) -> Vec<u32> {
-    let compiler = Compiler::acquire().expect("the GLSL compiler starts");
-    let source = ShaderSource::from(source);
-    compiler::to_spirv(compiler, ShaderStage::Compute, &source, None)
-        .unwrap_or_else(|e| panic!("{e}"))
+    compiler::compile("comp", source, &|_, _, _| None).unwrap_or_else(|log| panic!("{log}"))
 }

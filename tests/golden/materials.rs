@@ -40,7 +40,7 @@ pub fn all() -> Vec<Golden> {
 fn quarters(x: u32, y: u32) -> [u8; 4] {
     let colors = [[230, 60, 50, 255], [60, 180, 75, 255], [60, 90, 220, 255], [250, 220, 60, 255]];
     let [r, g, b, a] = colors[(y / 2 % 2 * 2 + x / 2 % 2) as usize];
-    if (x + y) % 2 == 0 { [r, g, b, a] } else { [r / 2, g / 2, b / 2, a] }
+    if (x + y).is_multiple_of(2) { [r, g, b, a] } else { [r / 2, g / 2, b / 2, a] }
 }
 
 /// An unlit material that shows `texture`, with more of its texture's properties.

@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_file_near_the_origin_keeps_its_coordinates() {
-        for text in [cube(1.0, DVec3::ZERO, 0), cube(3e-4, DVec3::splat(0.01), 0)] {
+        for text in [cube(1.0, DVec3::ZERO, 0), cube(3e-4, DVec3::splat(0.005), 0)] {
             assert_eq!(made(&text)[0].anchor, Anchor::default());
         }
     }

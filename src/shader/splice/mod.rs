@@ -34,9 +34,8 @@ mod prefetch;
 mod repair;
 mod resources;
 mod specialize;
-#[cfg(all(test, feature = "glsl"))]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 pub(super) mod tests;
-#[cfg(feature = "glsl")]
 pub(crate) mod verify;
 
 use super::{

@@ -207,7 +207,7 @@ pub(super) fn aligned(bytes: u32) -> [Operand; 2] {
     [Operand::MemoryAccess(MemoryAccess::ALIGNED), Operand::LiteralBit32(bytes)]
 }
 
-#[cfg(all(test, feature = "glsl"))]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use super::super::{Addressed, lower};
     use crate::{

@@ -1,4 +1,5 @@
-// Arrays of arrays of resources. Vulkan wants one level only, but GLSL compiles to this.
+// refused: UniformConstant OpVariable
+// Arrays of arrays of resources: GLSL compiles to this, but Vulkan wants one level only.
 #version 460
 layout(set = 0, binding = 0) uniform texture2D images[3][2];
 layout(set = 0, binding = 1) uniform sampler nearest;

@@ -1,0 +1,32 @@
+//! Whether `glsl/spirv/` is older than the GLSL it was made from.
+//!
+//! The SPIR-V of `glsl/` is part of the repository, so that no build waits for a GLSL compiler. Beside it
+//! stands a checksum of each text that it was compiled from, which is compared here. What the kernels take
+//! from `src/abi.rs` is compared by the compiler itself (`glsl/spirv/layout.rs`), and that each file is what
+//! its GLSL gives, by the tests of `glsl/tool`.
+
+use super::source;
+use std::{fs, path::Path};
+
+/// # Errors
+/// A sentence that names the changed files and the command to run.
+pub fn check() -> Result<(), String> {
+    let glsl = Path::new("glsl");
+    let list = fs::read_to_string(glsl.join("spirv").join(source::LIST)).unwrap_or_default();
+    let changed: Vec<&str> = list
+        .lines()
+        .filter_map(|line| Some((line, line.split_once(' ')?.1)))
+        .filter(|(line, name)| {
+            let text = source::expand(glsl, name);
+            !text.is_ok_and(|text| source::entry(name, &text).trim_end() == *line)
+        })
+        .map(|(_, name)| name)
+        .collect();
+    if changed.is_empty() {
+        return Ok(());
+    }
+    Err(format!(
+        "glsl/spirv/ is out of date: the text of {} has changed. Run `cargo spirv`, which compiles it.",
+        changed.join(", ")
+    ))
+}
