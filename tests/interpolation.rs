@@ -1,14 +1,14 @@
 //! Is an attribute what its corners say? What is equal at all of them stays so, bit for bit; what is not is as near
-//! to the truth as the device's own pipeline gets; and the size of the scene does not matter.
+//! to the truth as single precision gets; and the size of the scene does not matter.
 
 use crate::{
     common::{gpu, on_each_gpu, random::Random},
     parity::differences,
 };
-use glam::Vec3;
+use glam::DVec3;
 use std::sync::Arc;
 use tilewright::{
-    classic, compute,
+    compute,
     format::{Component, Format, VertexFormat},
     image::Extent,
     pass::{
@@ -67,39 +67,59 @@ void main() {
     flat_member = constant.z;
 }";
 
-/// Red has a bit for each way in which the constant did not arrive, green one for derivatives that are not 0.
-const FRAGMENT: &str = "#version 450
-layout(location = 0) in vec4 in_smooth;
+/// Red has a bit for each way in which the constant did not arrive, green is for derivatives that are not 0. In three
+/// parts: SwiftShader compiles one of all of them for minutes.
+const FRAGMENTS: [&str; 3] = [
+    "layout(location = 0) in vec4 in_smooth;
 layout(location = 1) noperspective in vec4 in_linear;
 layout(location = 2) centroid in vec4 in_centroid;
 layout(location = 3) noperspective centroid in vec3 in_linear_centroid;
-layout(location = 4) in mat2x3 in_matrix;
+void check() {
+    if (differs(in_smooth) || differs(interpolateAtCentroid(in_smooth))) wrong |= 1u;
+    if (differs(in_linear)) wrong |= 2u;
+    if (differs(in_centroid) || floatBitsToUint(in_linear_centroid) != bits.xyz) wrong |= 4u;
+    // Infinity less itself is no number.
+    bool finite = !any(isinf(in_smooth));
+    moves = finite && (fwidth(in_smooth) != vec4(0) || fwidth(in_linear) != vec4(0));
+}",
+    "layout(location = 4) in mat2x3 in_matrix;
 layout(location = 6) noperspective in float in_array[4];
-layout(location = 10) in vec4 in_mixed;
+void check() {
+    if (differs(vec4(in_matrix[0], in_matrix[1].z))) wrong |= 1u;
+    if (differs(vec4(in_matrix[0].x, in_matrix[1]))) wrong |= 2u;
+    if (differs(vec4(in_array[0], in_array[1], in_array[2], in_array[3]))) wrong |= 4u;
+}",
+    "layout(location = 10) in vec4 in_mixed;
 layout(location = 11) in vec2 in_low;
 layout(location = 11, component = 2) in vec2 in_high;
-layout(location = 12) flat in uvec4 bits;
 layout(location = 13) flat in vec4 in_flat;
 layout(location = 14) flat in ivec2 in_signed;
 layout(location = 15) in Block { vec2 smooth_member; flat uint flat_member; };
+void check() {
+    if (floatBitsToUint(in_mixed.xz) != bits.xz || isnan(in_mixed.y)) wrong |= 1u;
+    if (differs(vec4(in_low, in_high))) wrong |= 2u;
+    if (floatBitsToUint(smooth_member) != bits.yz || flat_member != bits.z) wrong |= 4u;
+    if (differs(in_flat) || in_signed != ivec2(bits.xw)) wrong |= 8u;
+}",
+];
+
+/// A whole shader around one of the parts.
+fn checking(part: &str) -> Arc<Shader> {
+    let source = format!(
+        "#version 450
+layout(location = 12) flat in uvec4 bits;
 layout(location = 0) out vec4 color;
-bool differs(vec4 v) { return floatBitsToUint(v) != bits; }
-void main() {
-    uint wrong = 0u;
-    if (differs(in_smooth) || differs(interpolateAtCentroid(in_smooth))) wrong |= 1u;
-    if (differs(in_linear)) wrong |= 2u;
-    if (differs(in_centroid) || differs(vec4(in_linear_centroid, in_flat.w))) wrong |= 4u;
-    if (differs(vec4(in_matrix[0], in_matrix[1].z)) || differs(vec4(in_matrix[0].x, in_matrix[1]))) wrong |= 8u;
-    if (differs(vec4(in_array[0], in_array[1], in_array[2], in_array[3]))) wrong |= 16u;
-    if (differs(vec4(in_mixed.x, in_flat.y, in_mixed.z, in_flat.w)) || isnan(in_mixed.y)) wrong |= 32u;
-    if (differs(vec4(in_low, in_high)) || differs(vec4(in_flat.x, smooth_member, in_flat.w))) wrong |= 64u;
-    if (differs(in_flat) || in_signed != ivec2(bits.xw) || flat_member != bits.z) wrong |= 128u;
-    bvec4 moves = bvec4(dFdx(in_smooth) != vec4(0) || dFdy(in_smooth) != vec4(0),
-                        dFdx(in_linear) != vec4(0) || dFdy(in_linear) != vec4(0), false, false);
-    // Infinity less itself is no number.
-    bool finite = !any(isinf(in_smooth));
-    color = vec4(wrong, finite && any(moves) ? 255 : 0, 255, 255) / 255;
-}";
+uint wrong = 0u;
+bool moves = false;
+bool differs(vec4 v) {{ return floatBitsToUint(v) != bits; }}
+{part}
+void main() {{
+    check();
+    color = vec4(wrong, moves ? 255 : 0, 255, 255) / 255;
+}}"
+    );
+    shader(Stage::Fragment, &source)
+}
 
 fn shader(stage: Stage, source: &str) -> Arc<Shader> {
     Arc::new(Shader::from_glsl(stage, "interpolation", source).unwrap_or_else(|e| panic!("{e}")))
@@ -202,11 +222,12 @@ fn constant(random: &mut Random) -> f32 {
 
 #[test]
 fn what_is_equal_at_all_corners_stays_equal() {
-    let (vertex, fragment) = (shader(Stage::Vertex, VERTEX), shader(Stage::Fragment, FRAGMENT));
+    let vertex = shader(Stage::Vertex, VERTEX);
+    let fragments = FRAGMENTS.map(checking);
     on_each_gpu("constants", |gpu| {
         let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
         let mut shaded = 0;
-        for seed in 0..8 {
+        for seed in 0..9 {
             let mut random = Random::new(seed);
             let vertices: Vec<Vertex> = (0..60)
                 .flat_map(|_| {
@@ -224,7 +245,8 @@ fn what_is_equal_at_all_corners_stays_equal() {
                     })
                 })
                 .collect();
-            for (way, pass) in opaque_and_ordered(&pass_of(&vertices, &vertex, &fragment)) {
+            let fragment = &fragments[seed as usize % fragments.len()];
+            for (way, pass) in opaque_and_ordered(&pass_of(&vertices, &vertex, fragment)) {
                 let frame = renderer.render(&pass).expect("it is drawn");
                 for (at, texel) in frame.color.bytes.chunks(4).enumerate() {
                     let [wrong, moving, drawn, _] = texel.try_into().expect("four bytes");
@@ -239,7 +261,7 @@ fn what_is_equal_at_all_corners_stays_equal() {
                 }
             }
         }
-        assert!(shaded > 8 * 1000 * 255, "the triangles cover {} pixels", shaded / 255);
+        assert!(shaded > 9 * 1000 * 255, "the triangles cover {} pixels", shaded / 255);
     });
 }
 
@@ -271,26 +293,6 @@ fn weights(corners: &[[f32; 4]; 3], x: usize, y: usize) -> [[f64; 3]; 2] {
     [smooth, normal(std::array::from_fn(|i| smooth[i] * f64::from(corners[i][3])))]
 }
 
-/// Errors, in units in the last place of the largest corner's value.
-#[derive(Debug, Default)]
-struct Errors {
-    largest: f64,
-    sum: f64,
-    count: f64,
-}
-
-impl Errors {
-    fn add(&mut self, error: f64) {
-        self.largest = self.largest.max(error);
-        self.sum += error;
-        self.count += 1.0;
-    }
-
-    fn mean(&self) -> f64 {
-        self.sum / self.count
-    }
-}
-
 /// Values at the corners, by what makes them hard.
 fn attribute(kind: usize, corners: &[[f32; 4]; 3], random: &mut Random) -> [f32; 3] {
     std::array::from_fn(|i| match kind {
@@ -304,68 +306,63 @@ fn attribute(kind: usize, corners: &[[f32; 4]; 3], random: &mut Random) -> [f32;
     })
 }
 
-/// Values are compared with the truth, those of the device's own pipeline beside ours.
+/// The largest error in units in the last place of the largest corner. A model of the arithmetic on the CPU has 0.3 for
+/// values that lie close together far from 0, where a weighted sum has 2.1, and up to 110 for the others: corners that
+/// are up to 1000 times as far from the eye as each other have weights with as large an error.
 #[test]
-fn interpolation_is_as_exact_as_the_drivers_own() {
+fn attributes_are_as_exact_as_single_precision_lets_them_be() {
     let (vertex, fragment) =
         (shader(Stage::Vertex, BITS_VERTEX), shader(Stage::Fragment, BITS_FRAGMENT));
-    let gpu = gpu();
-    let mut compute = compute::Renderer::new(&gpu).expect("kernels are made");
-    let mut classic = classic::Renderer::new(&gpu).expect("a classic renderer");
-    for kind in 0..4 {
-        let mut errors: [Errors; 2] = Default::default();
-        for seed in 0..12 {
-            let mut random = Random::new(1000 * kind as u64 + seed);
-            let corners: [[f32; 4]; 3] = loop {
-                // Corners that single precision can tell apart.
-                let corners: [[f32; 4]; 3] = std::array::from_fn(|_| {
-                    let w = 1000f32.powf(random.unit());
-                    [random.signed() * 0.99 * w, random.signed() * 0.99 * w, 0.5 * w, w]
+    on_each_gpu("errors", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
+        for (kind, allowed) in [400.0, 1.0, 400.0, 400.0].into_iter().enumerate() {
+            for seed in 0..6 {
+                let mut random = Random::new(1000 * kind as u64 + seed);
+                let corners = wide_triangle(&mut random);
+                let values = attribute(kind, &corners, &mut random);
+                let vertices: [Vertex; 3] = std::array::from_fn(|i| Vertex {
+                    position: corners[i],
+                    constant: [0; 4],
+                    other: [values[i], 0.0],
                 });
-                let [a, b, c] = corners.map(|[x, y, _, w]| [x / w, y / w]);
-                let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
-                if area.abs() > 0.1 {
-                    break corners;
-                }
-            };
-            let values = attribute(kind, &corners, &mut random);
-            let vertices: [Vertex; 3] = std::array::from_fn(|i| Vertex {
-                position: corners[i],
-                constant: [0; 4],
-                other: [values[i], 0.0],
-            });
-            let pass = pass_of(&vertices, &vertex, &fragment);
-            let pass =
-                Pass { depth: None, color: ColorTarget { clear: [1.0; 4], ..pass.color }, ..pass };
-            let frames = [&compute.render(&pass), &classic.render(&pass)]
-                .map(|frame| frame.as_ref().expect("it is drawn").color.bytes.clone());
-            let largest = values.map(f32::abs).into_iter().fold(0.0, f32::max);
-            let unit = f64::from(largest) * f64::from(f32::EPSILON);
-            for (at, texels) in frames[0].chunks(4).zip(frames[1].chunks(4)).enumerate() {
-                let (x, y) = (at % 96, at / 96);
-                let weights = weights(&corners, x, y)[usize::from(x >= 48)];
-                // What nothing is drawn to is white; pixels at the border belong to either side.
-                if weights.iter().any(|&weight| weight < 1e-6) {
-                    continue;
-                }
-                let truth: f64 = weights.iter().zip(values).map(|(w, a)| w * f64::from(a)).sum();
-                let value =
-                    |texel: &[u8]| f32::from_le_bytes(texel.try_into().expect("four bytes"));
-                let found = [value(texels.0), value(texels.1)];
-                for (errors, found) in errors.iter_mut().zip(found) {
-                    errors.add((f64::from(found) - truth).abs() / unit);
+                let frame = renderer.render(&pass_of(&vertices, &vertex, &fragment));
+                let frame = frame.expect("it is drawn");
+                let largest = values.map(f32::abs).into_iter().fold(f32::MIN_POSITIVE, f32::max);
+                let unit = f64::from(largest) * f64::from(f32::EPSILON);
+                for (at, texel) in frame.color.bytes.chunks(4).enumerate() {
+                    let (x, y) = (at % 96, at / 96);
+                    let weights = weights(&corners, x, y)[usize::from(x >= 48)];
+                    // Pixels at the border may not be drawn.
+                    if weights.iter().any(|&weight| weight < 1e-4) {
+                        continue;
+                    }
+                    let truth: f64 =
+                        weights.iter().zip(values).map(|(w, a)| w * f64::from(a)).sum();
+                    let found = f32::from_le_bytes(texel.try_into().expect("four bytes"));
+                    let error = (f64::from(found) - truth).abs() / unit;
+                    assert!(
+                        error <= allowed,
+                        "kind {kind}, seed {seed}, pixel ({x}, {y}) of {}: {found}, not {truth}: {error} units",
+                        gpu.info().name
+                    );
                 }
             }
         }
-        let [ours, drivers] = errors;
-        println!(
-            "{kind}: {} {} | {} {} of {}",
-            ours.mean(),
-            ours.largest,
-            drivers.mean(),
-            drivers.largest,
-            ours.count
-        );
+    });
+}
+
+/// Inside the view, with corners that single precision can tell apart.
+fn wide_triangle(random: &mut Random) -> [[f32; 4]; 3] {
+    loop {
+        let corners: [[f32; 4]; 3] = std::array::from_fn(|_| {
+            let w = 1000f32.powf(random.unit());
+            [random.signed() * 0.99 * w, random.signed() * 0.99 * w, 0.5 * w, w]
+        });
+        let [a, b, c] = corners.map(|[x, y, _, w]| [x / w, y / w]);
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+        if area.abs() > 0.1 {
+            return corners;
+        }
     }
 }
 
@@ -435,16 +432,16 @@ fn a_surface_as_opaque_as_its_cutoff_has_no_holes() {
     let extent = Extent::new(256, 256);
     let pass = |alpha, cutoff, eye| {
         let scene = masked(alpha, cutoff);
-        let camera = scene.camera_at(eye, Vec3::ZERO, Vec3::Y, 45f32.to_radians());
+        let camera = scene.camera_at(eye, DVec3::ZERO, DVec3::Y, 45f64.to_radians());
         scene.pass(extent, &camera, &PassOptions::default()).expect("a valid pass")
     };
     let red =
         |frame: &Frame| frame.color.bytes.chunks(4).filter(|p| p[0] > 200 && p[1] < 30).count();
-    let front = Vec3::new(0.0, 0.0, 3.0);
+    let front = DVec3::new(0.0, 0.0, 3.0);
     on_each_gpu("masks", |gpu| {
         let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
         // The third cuts the square off at the near plane and at the sides.
-        for eye in [front, Vec3::new(2.0, 0.7, 0.9), Vec3::new(0.6, 0.1, 0.05)] {
+        for eye in [front, DVec3::new(2.0, 0.7, 0.9), DVec3::new(0.6, 0.1, 0.05)] {
             let kept = red(&renderer.render(&pass(1.0, 0.0, eye)).expect("it is drawn"));
             for alpha in [0.5, 1.0, 0.1, 1.0 / 3.0, 0.7] {
                 let frame = renderer.render(&pass(alpha, alpha, eye)).expect("it is drawn");
