@@ -32,7 +32,7 @@ uvec4 fetch(const uint location) {
     uvec4 value = uvec4(0u);
     uint format = attribute_format(location);
     if (format == 0u) return value;
-    uint component = format & 0xffu, count = attribute_count(location);
+    uint component = format & ((1u << ATTRIBUTE_COUNT_SHIFT) - 1u), count = attribute_count(location);
     // Not through a local variable, which a lane that is switched off would leave undefined.
     uint index = uint(is_per_instance(location) ? tw_InstanceIndex : tw_VertexIndex);
     uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index;

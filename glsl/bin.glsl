@@ -8,8 +8,8 @@
 #ifndef BIN_GLSL
 #define BIN_GLSL
 
-const bool GREATER = COMPARE == 4u || COMPARE == 6u;
-const bool OR_EQUAL = COMPARE == 3u || COMPARE == 6u;
+const bool GREATER = COMPARE == COMPARE_GREATER || COMPARE == COMPARE_GREATER_OR_EQUAL;
+const bool OR_EQUAL = COMPARE == COMPARE_LESS_OR_EQUAL || COMPARE == COMPARE_GREATER_OR_EQUAL;
 
 #include "lib/block.glsl"
 #include "lib/depth.glsl"

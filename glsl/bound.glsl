@@ -6,6 +6,7 @@
 #define BOUND_GLSL
 #extension GL_EXT_nonuniform_qualifier : require
 #include "abi.glsl"
+#include "lib/interpolate.glsl"
 #include "lib/key.glsl"
 #include "lib/quad.glsl"
 
@@ -30,15 +31,18 @@ struct Bound {
     uint key;
     vec3 plane; // depth at the pixel (0, 0), its change to the right and down
     uint flags;
-    vec3 x, y, w; // clip-space positions of its vertices
+    vec3 x, y, w; // clip-space positions of its vertices, the nearest first, times `scale`
+    float scale;
 };
 
-Bound bound = Bound(0u, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0));
+Bound bound = Bound(0u, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0);
 
-// Varyings of each vertex, two locations at a time: of each, two lanes of the quad hold two words. The first and
-// the second word of this lane follow each other.
-uvec3 parts[MAX_VARYINGS];
-uvec3 varying_base; // first pair of words of each vertex's varyings
+// Varyings, two locations at a time: of each, two lanes of the quad hold two words. The first and the second word of
+// this lane follow each other. Compilers leave out what nobody reads, mostly one of the two.
+uvec3 parts[MAX_VARYINGS];    // as `differences` of `lib/interpolate.glsl`
+uint provoking[MAX_VARYINGS]; // for flat varyings
+uvec3 varying_base;           // first pair of words of each vertex's varyings, the nearest vertex first
+uint provoking_base;
 
 // Replaced by the splicer.
 void tw_user_bind();
@@ -70,15 +74,25 @@ Bound bind_triangle(const uint key) {
     if (key == bound.key) return bound;
     uvec2 own = triangles[key_triangle(key, batch.extra_first)].shading[QUAD_LANE];
     uvec4 fields = of_first_half(own), vertices = of_second_half(own);
-    // Two lanes for each of two vertices; the third takes two as well.
+    // Two lanes for each of two vertices; the third takes two as well. They hold x and y, or z, which weighs nothing, and w.
     uint half_vertex = QUAD_LANE & 1u;
-    uvec2 of_two = positions[QUAD_LANE < 2u ? vertices.x : vertices.y][half_vertex];
-    vec4 a = uintBitsToFloat(of_first_half(of_two)), b = uintBitsToFloat(of_second_half(of_two));
-    vec4 c = uintBitsToFloat(of_first_half(positions[vertices.z][half_vertex]));
-    bound = Bound(key, uintBitsToFloat(fields.xyz), vertices.w, vec3(a.x, b.x, c.x), vec3(a.y, b.y, c.y),
-                  vec3(a.w, b.w, c.w));
+    vec2 of_two = uintBitsToFloat(positions[QUAD_LANE < 2u ? vertices.x : vertices.y][half_vertex]);
+    vec2 of_third = uintBitsToFloat(positions[vertices.z][half_vertex]);
+    float largest = max(abs(of_two.y), abs(of_third.y));
+    if (half_vertex == 0u) largest = max(largest, max(abs(of_two.x), abs(of_third.x)));
+    largest = max(largest, subgroupQuadSwapHorizontal(largest));
+    float scale = scale_for(max(largest, subgroupQuadSwapVertical(largest)));
+    uvec2 two = floatBitsToUint(of_two * scale), third = floatBitsToUint(of_third * scale);
+    vec4 a = uintBitsToFloat(of_first_half(two)), b = uintBitsToFloat(of_second_half(two));
+    vec4 c = uintBitsToFloat(of_first_half(third));
+    vec3 w = vec3(a.w, b.w, c.w);
+    uint first = nearest(w);
+    bound = Bound(key, uintBitsToFloat(fields.xyz), vertices.w, corners_from(first, vec3(a.x, b.x, c.x)),
+                  corners_from(first, vec3(a.y, b.y, c.y)), corners_from(first, w), scale);
     bind(fields.w);
-    varying_base = (piece_varyings + (vertices.xyz - piece_vertices) * varying_stride) >> 1;
+    uvec3 base = (piece_varyings + (vertices.xyz - piece_vertices) * varying_stride) >> 1;
+    varying_base = corners_from(first, base);
+    provoking_base = base.x;
     tw_user_bind_inputs();
     return bound;
 }

@@ -1,14 +1,15 @@
 // The user's fragment shader at one pixel of one triangle: what the shading kernels share.
 //
 // The shader is spliced into the `tw_user_` functions; the functions and globals called tw_* are what it sees.
-// Varyings are interpolated in homogeneous coordinates (Olano and Greer 1997) from the clip-space
-// vertices relative to the pixel, which needs no per-triangle setup and also serves triangles that
-// were clipped: their parts interpolate as the whole does. `bound.glsl` says how inputs get here.
+// Varyings are interpolated from the clip-space vertices relative to the pixel (`lib/interpolate.glsl`), which needs
+// no per-triangle setup and also serves triangles that were clipped: their parts interpolate as the whole does.
+// `bound.glsl` says how inputs get here.
 #ifndef FRAGMENT_GLSL
 #define FRAGMENT_GLSL
 #include "bound.glsl"
 #include "lib/color.glsl"
 #include "lib/depth.glsl"
+#include "lib/interpolate.glsl"
 #include "lib/tile.glsl"
 
 vec4 tw_FragCoord;
@@ -17,9 +18,9 @@ int tw_PrimitiveID;
 float tw_FragDepth;
 bool tw_HelperInvocation;
 
-vec3 perspective;   // barycentric weights for smooth varyings
-vec3 linear;        // for noperspective ones
-uvec4 color_bits;   // output location 0
+vec3 perspective; // barycentric weights for smooth varyings
+vec3 linear;      // for noperspective ones
+uvec4 color_bits; // output location 0
 
 uint tw_resource(const in uint i) {
     return resource_slots[bound_resources + i];
@@ -32,33 +33,38 @@ uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)
 void tw_bind_inputs(const in uint location) {
     uvec3 at = varying_base + location * 2u + QUAD_LANE;
     uvec2 a = varyings[at.x], b = varyings[at.y], c = varyings[at.z];
-    parts[location] = uvec3(a.x, b.x, c.x);
-    parts[location + 1u] = uvec3(a.y, b.y, c.y);
+    parts[location] = differences(uvec3(a.x, b.x, c.x));
+    parts[location + 1u] = differences(uvec3(a.y, b.y, c.y));
+    uvec2 own = varyings[provoking_base + location * 2u + QUAD_LANE];
+    provoking[location] = own.x;
+    provoking[location + 1u] = own.y;
 }
 
-// What the lanes keep of `location` for one of the vertices.
-uvec4 input_words(const uint location, const uint vertex) {
+// The words of `location`, of which this lane of the quad has those of `first` and `second`.
+uvec4 input_words(const uint location, const uint first, const uint second) {
+    if ((location & 1u) == 0u) return of_first_half(uvec2(first, second));
+    return of_second_half(uvec2(first, second));
+}
+
+vec4 input_at(const vec3 weights, const uint location) {
     uint even = location & ~1u;
-    uvec2 own = uvec2(parts[even][vertex], parts[even + 1u][vertex]);
-    if (even == location) return of_first_half(own);
-    return of_second_half(own);
-}
-
-vec4 interpolate(const vec3 weights, const uint location) {
-    return weights.x * uintBitsToFloat(input_words(location, 0u)) + weights.y * uintBitsToFloat(input_words(location, 1u)) +
-           weights.z * uintBitsToFloat(input_words(location, 2u));
+    uvec3 first = parts[even], second = parts[even + 1u];
+    return interpolate(weights, uintBitsToFloat(input_words(location, first.x, second.x)),
+                       uintBitsToFloat(input_words(location, first.y, second.y)),
+                       uintBitsToFloat(input_words(location, first.z, second.z)));
 }
 
 vec4 tw_input_smooth(const in uint location) {
-    return interpolate(perspective, location);
+    return input_at(perspective, location);
 }
 
 vec4 tw_input_noperspective(const in uint location) {
-    return interpolate(linear, location);
+    return input_at(linear, location);
 }
 
 uvec4 tw_input_flat(const in uint location) {
-    return input_words(location, 0u);
+    uint even = location & ~1u;
+    return input_words(location, provoking[even], provoking[even + 1u]);
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
@@ -101,15 +107,12 @@ void tw_user_main() {
 // a quad call it together. `helper` lanes take part in derivatives only.
 void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     vec2 ndc = (vec2(pixel) + 0.5 - viewport_offset) / viewport_scale;
-    vec3 px = triangle.x - ndc.x * triangle.w, py = triangle.y - ndc.y * triangle.w;
-    vec3 weights = px.yzx * py.zxy - py.yzx * px.zxy;
-    float sum = weights.x + weights.y + weights.z;
-    perspective = sum != 0.0 ? weights / sum : vec3(1.0, 0.0, 0.0);
-    float depth_w = dot(perspective, triangle.w);
+    perspective = perspective_weights(triangle.x, triangle.y, triangle.w, ndc);
+    float depth_w = interpolate(perspective, triangle.w);
     linear = depth_w != 0.0 ? perspective * triangle.w / depth_w : vec3(1.0, 0.0, 0.0);
 
     float z = depth_at(triangle.plane.x, triangle.plane.y, triangle.plane.z, pixel);
-    tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? 1.0 / depth_w : 0.0);
+    tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? triangle.scale / depth_w : 0.0);
     tw_FragDepth = z;
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;
     tw_PrimitiveID = int((first_in_draw + (triangle.key >> KEY_LOG2) - 1u) % primitives_per_instance);

@@ -21,7 +21,7 @@ layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 #include "lib/blend.glsl"
 #include "lib/patch.glsl"
 
-layout(constant_id = SPEC_FORMAT) const uint FORMAT = 0u;
+layout(constant_id = SPEC_FORMAT) const uint FORMAT = FORMAT_RGBA8_UNORM;
 layout(constant_id = SPEC_DEPTH) const uint DEPTH = DEPTH_EARLY_TEST;
 layout(local_size_x_id = SPEC_WIDTH) in;
 layout(scalar, binding = 5) readonly buffer Bins { uint bins[]; };
@@ -38,9 +38,9 @@ const uint COLUMNS_LOG2 = BIN_SIZE_LOG2 - PATCH_X_LOG2;
 const uint PARTS = WIDTH < 8u ? 2u : 1u;
 const uint ROWS = (1u << (BIN_SIZE_LOG2 - PATCH_Y_LOG2)) / PARTS;
 
-// `Compare` of state.rs, by what it lets pass: 1 less, 2 equal, 4 greater. Depths are never not-a-number.
+// Each comparison is the sum of the three that it lets pass. Depths are never not-a-number.
 bool compare(const uint operation, const float a, const float b) {
-    return (operation & ((a < b ? 1u : 0u) | (a == b ? 2u : 0u) | (a > b ? 4u : 0u))) != 0u;
+    return (operation & ((a < b ? COMPARE_LESS : 0u) | (a == b ? COMPARE_EQUAL : 0u) | (a > b ? COMPARE_GREATER : 0u))) != 0u;
 }
 
 // Writes the shader's colour; `equations` are those of colour and alpha, if the piece blends.

@@ -61,8 +61,8 @@ void store_flags(const uint at, const uint flags) {
 uint set_up(const uint at, const bool part, const uint more, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
     ivec2 sa = snap(a), sb = snap(b), sc = snap(c);
     int turn = wide_sign(wide_subtract(wide_product(sb.x - sa.x, sc.y - sa.y), wide_product(sc.x - sa.x, sb.y - sa.y)));
-    bool front = (turn > 0) == (piece.front_face == 1u);
-    bool drawn = turn != 0 && piece.cull != (front ? 1u : 2u);
+    bool front = (turn > 0) == (piece.front_face == FRONT_FACE_CLOCKWISE);
+    bool drawn = turn != 0 && piece.cull != (front ? CULL_FRONT : CULL_BACK);
     if (turn < 0) {
         ivec2 swap = sb;
         sb = sc;

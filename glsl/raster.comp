@@ -22,7 +22,7 @@
 #include "abi.glsl"
 
 layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
-layout(constant_id = SPEC_COMPARE) const uint COMPARE = 1u;
+layout(constant_id = SPEC_COMPARE) const uint COMPARE = COMPARE_LESS;
 layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
 
 #include "bin.glsl"

@@ -19,7 +19,7 @@ layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
 
 #include "fragment.glsl"
 
-layout(constant_id = SPEC_FORMAT) const uint FORMAT = 0u;
+layout(constant_id = SPEC_FORMAT) const uint FORMAT = FORMAT_RGBA8_UNORM;
 layout(local_size_x_id = SPEC_WIDTH) in;
 layout(scalar, binding = 5) readonly buffer ShadeBins { uvec2 shade_bins[]; };
 layout(scalar, binding = 6) readonly buffer Visibility { uvec4 visibility[]; };

@@ -1,127 +1,135 @@
 //! Everything the host and the kernels share: constants, and structs of `u32`, `i32` and `f32`.
 //!
-//! This file is the only home of these facts. `cargo spirv` (`glsl/tool`) includes it, hands every
-//! constant to the kernels as a macro, compiles `glsl/abi.comp`, reads the members' offsets from its
-//! SPIR-V and writes one assertion per constant and field to `glsl/spirv/layout.rs`. So a constant that
-//! the kernels were not compiled with, or a struct that differs from its mirror in `glsl/abi.glsl`, is a
-//! compile error that names it. Blocks use scalar layout, which for 4-byte scalars is `#[repr(C)]`.
+//! This file, with the enums of `state.rs` and `format.rs`, is the only home of these facts. `cargo spirv`
+//! (`glsl/tool`) includes it, hands every constant to the kernels as a macro, compiles `glsl/abi.comp`, reads
+//! the members' offsets from its SPIR-V and writes one assertion per constant and field to
+//! `glsl/spirv/layout.rs`. So a constant that the kernels were not compiled with, or a struct that differs
+//! from its mirror in `glsl/abi.glsl`, is a compile error that names it. Blocks use scalar layout, which for
+//! 4-byte scalars is `#[repr(C)]`.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Fractional bits of a window coordinate: 1/256 pixel.
-pub const SUBPIXEL_BITS: u32 = 8;
-/// Log2 of a bin's edge in pixels.
-pub const BIN_SIZE_LOG2: u32 = 4;
-/// Pixels of a bin.
-pub const BIN_PIXELS: u32 = 1 << (2 * BIN_SIZE_LOG2);
-/// Levels of cells that triangles are binned into: bins, then coarser and coarser, then everything.
-pub const CELL_LEVELS: u32 = 4;
-/// Log2 of a cell's edge at level 0, the bins.
-pub const CELL_LOG2_0: u32 = BIN_SIZE_LOG2;
-/// Log2 of a cell's edge at level 1.
-pub const CELL_LOG2_1: u32 = 6;
-/// Log2 of a cell's edge at level 2.
-pub const CELL_LOG2_2: u32 = 8;
-/// Log2 of a cell's edge at level 3: one cell holds any target.
-pub const CELL_LOG2_3: u32 = MAX_EXTENT_LOG2;
-/// A triangle is listed in at most this many cells; one that touches more goes one level up.
-pub const MAX_CELLS: u32 = 16;
-/// Cells under a bounding box up to which the exact count is worth its loop.
-pub const MAX_CELLS_TESTED: u32 = 64;
-/// Log2 of the largest target edge in pixels.
-pub const MAX_EXTENT_LOG2: u32 = 14;
-/// Window coordinates reach from -2^15 to 2^15 pixels, which holds every viewport that meets a target.
-pub const GUARD_LOG2: u32 = 15;
-/// Triangles that clipping one primitive by six planes can leave.
-pub const MAX_CLIPPED: u32 = 7;
-/// Log2 of the step between the keys of consecutive primitives: room for [`MAX_CLIPPED`].
-pub const KEY_LOG2: u32 = 3;
-/// Fragment pipelines of one batch: one bit each in a bin's mask.
-pub const MAX_FRAGMENT_KERNELS: u32 = 32;
-/// Lanes of a quad. They are always of one piece.
-pub const QUAD: u32 = 4;
-/// Bytes of a vertex or index buffer, as a power of two, that one slot of the resource table shows;
-/// longer buffers take several that follow each other. A binding reaches 2^27 bytes on every device.
-pub const WINDOW_LOG2: u32 = 26;
-/// Bytes that such a slot shows beyond its own, so that it has all of an attribute that begins in it.
-pub const WINDOW_OVERLAP: u32 = 16;
+shared_constants! {
+    /// Fractional bits of a window coordinate: 1/256 pixel.
+    pub const SUBPIXEL_BITS: u32 = 8;
+    /// Log2 of a bin's edge in pixels.
+    pub const BIN_SIZE_LOG2: u32 = 4;
+    /// Pixels of a bin.
+    pub const BIN_PIXELS: u32 = 1 << (2 * BIN_SIZE_LOG2);
+    /// Levels of cells that triangles are binned into: bins, then coarser and coarser, then everything.
+    pub const CELL_LEVELS: u32 = 4;
+    /// Log2 of a cell's edge at level 0, the bins.
+    pub const CELL_LOG2_0: u32 = BIN_SIZE_LOG2;
+    /// Log2 of a cell's edge at level 1.
+    pub const CELL_LOG2_1: u32 = 6;
+    /// Log2 of a cell's edge at level 2.
+    pub const CELL_LOG2_2: u32 = 8;
+    /// Log2 of a cell's edge at level 3: one cell holds any target.
+    pub const CELL_LOG2_3: u32 = MAX_EXTENT_LOG2;
+    /// A triangle is listed in at most this many cells; one that touches more goes one level up.
+    pub const MAX_CELLS: u32 = 16;
+    /// Cells under a bounding box up to which the exact count is worth its loop.
+    pub const MAX_CELLS_TESTED: u32 = 64;
+    /// Log2 of the largest target edge in pixels.
+    pub const MAX_EXTENT_LOG2: u32 = 14;
+    /// Window coordinates reach from -2^15 to 2^15 pixels, which holds every viewport that meets a target.
+    pub const GUARD_LOG2: u32 = 15;
+    /// Triangles that clipping one primitive by six planes can leave.
+    pub const MAX_CLIPPED: u32 = 7;
+    /// Log2 of the step between the keys of consecutive primitives: room for [`MAX_CLIPPED`].
+    pub const KEY_LOG2: u32 = 3;
+    /// Fragment pipelines of one batch: one bit each in a bin's mask.
+    pub const MAX_FRAGMENT_KERNELS: u32 = 32;
+    /// Which bits of a pixel's number in its bin are its column's; the others are its row's. Four 8x8 quadrants,
+    /// each of 4x4 quads of 2x2 pixels: any power-of-two run of consecutive pixels from 4 on is a rectangle.
+    pub const PIXEL_COLUMN_BITS: u32 = 0b0100_1101;
+    /// Lanes of a quad. They are always of one piece.
+    pub const QUAD: u32 = 4;
+    /// Bytes of a vertex or index buffer, as a power of two, that one slot of the resource table shows;
+    /// longer buffers take several that follow each other. A binding reaches 2^27 bytes on every device.
+    pub const WINDOW_LOG2: u32 = 26;
+    /// Bytes that such a slot shows beyond its own, so that it has all of an attribute that begins in it.
+    pub const WINDOW_OVERLAP: u32 = 16;
+    /// Invocations of a workgroup where nothing else decides.
+    pub const GROUP: u32 = 64;
+    /// Vertex slots of one invocation of the vertex stage, a workgroup apart.
+    pub const VERTEX_ROUNDS: u32 = 8;
+    /// Primitives of one invocation of the primitive stage and of scatter, a workgroup apart.
+    pub const PRIMITIVE_ROUNDS: u32 = 8;
+    /// Input locations of a vertex shader.
+    pub const MAX_ATTRIBUTES: u32 = 32;
+    /// Input locations of a fragment shader.
+    pub const MAX_VARYINGS: u32 = 32;
+    /// Pixels that one invocation of the clear fills: a workgroup costs more than a few stores.
+    pub const CLEAR_PIXELS: u32 = 16;
+    /// Specialization constant: the subgroup width, also the workgroup size of subgroup-wide kernels.
+    pub const SPEC_WIDTH: u32 = 65536;
+    /// Specialization constant: invocations of a workgroup of several subgroups, which must be full.
+    pub const SPEC_LANES: u32 = 65541;
+    /// Specialization constant: the depth comparison.
+    pub const SPEC_COMPARE: u32 = 65537;
+    /// Specialization constant: whether raster keeps the pixels of a bin in the targets' own memory.
+    pub const SPEC_IN_PLACE: u32 = 65542;
+    /// Specialization constant: the colour format.
+    pub const SPEC_FORMAT: u32 = 65538;
+    /// Specialization constant: when the depth test happens, one of `DEPTH_*`.
+    pub const SPEC_DEPTH: u32 = 65540;
+    /// Specialization constant: a bit for each varying location that the fragment shader reads; what a vertex
+    /// shader writes to others is not stored.
+    pub const SPEC_READ: u32 = 65543;
+    /// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
+    /// there is none: its `Component`, the number of components from bit
+    /// [`ATTRIBUTE_COUNT_SHIFT`] on, and [`ATTRIBUTE_PER_INSTANCE`].
+    pub const SPEC_ATTRIBUTE: u32 = 65664;
+    /// Attribute format: first bit of the number of components.
+    pub const ATTRIBUTE_COUNT_SHIFT: u32 = 8;
+    /// Attribute format: it is the same for all vertices of an instance.
+    pub const ATTRIBUTE_PER_INSTANCE: u32 = 4096;
+    /// Depth test before the shader, write after it unless it discards.
+    pub const DEPTH_EARLY_TEST: u32 = 0;
+    /// Depth test and write after the shader.
+    pub const DEPTH_LATE: u32 = 1;
+    /// Depth test and write before the shader, as `layout(early_fragment_tests)` demands and as nobody can
+    /// tell from later where the shader always keeps its fragment as it is.
+    pub const DEPTH_EARLY: u32 = 2;
+
+    /// Word that stands for "none": no index buffer, no attribute.
+    pub const NONE: u32 = 0xffff_ffff;
+    /// Instead of the cell that lists a primitive: there are several of them, or parts that clipping made.
+    pub const SEVERAL_CELLS: u32 = NONE - 1;
+
+    /// Descriptor set of the engine's own buffers.
+    pub const SET_ENGINE: u32 = 0;
+    /// Descriptor set of the resource table.
+    pub const SET_TABLE: u32 = 1;
+    /// Binding of the table's storage buffers.
+    pub const TABLE_BUFFERS: u32 = 4;
+
+    /// Vertex slots of a piece: one per vertex of an index range, for each instance.
+    pub const VERTEX_RANGED: u32 = 0;
+    /// Vertex slots of a piece: one per corner of a primitive.
+    pub const VERTEX_PER_CORNER: u32 = 1;
+
+    /// [`Triangle::flags`]: it has area, faces the right way and may cover a pixel.
+    pub const TRIANGLE_VALID: u32 = 1;
+    /// [`Triangle::flags`]: it faces the viewer.
+    pub const TRIANGLE_FRONT: u32 = 2;
+    /// [`Triangle::flags`]: its bounds are cut by the viewport or scissor, so pixels must be tested against them.
+    pub const TRIANGLE_CUT: u32 = 4;
+    /// [`Triangle::flags`]: first bit of its cell level.
+    pub const TRIANGLE_LEVEL_SHIFT: u32 = 4;
+    /// [`Triangle::flags`]: first bit of the number of triangles its primitive was clipped into, less one.
+    pub const TRIANGLE_EXTRA_SHIFT: u32 = 8;
+
+    /// [`Piece::blend_color`]: bits of a factor.
+    pub const BLEND_FACTOR_BITS: u32 = 4;
+    /// [`Piece::blend_color`]: first bit of the target's factor; the source's comes before.
+    pub const BLEND_TARGET_SHIFT: u32 = BLEND_FACTOR_BITS;
+    /// [`Piece::blend_color`]: first bit of the operation.
+    pub const BLEND_OP_SHIFT: u32 = 2 * BLEND_FACTOR_BITS;
+}
+
 const _: () = assert!(WINDOW_OVERLAP == 4 * 4, "four components of four bytes at most");
-/// Invocations of a workgroup where nothing else decides.
-pub const GROUP: u32 = 64;
-/// Vertex slots of one invocation of the vertex stage, a workgroup apart.
-pub const VERTEX_ROUNDS: u32 = 8;
-/// Primitives of one invocation of the primitive stage and of scatter, a workgroup apart.
-pub const PRIMITIVE_ROUNDS: u32 = 8;
-/// Input locations of a vertex shader.
-pub const MAX_ATTRIBUTES: u32 = 32;
-/// Input locations of a fragment shader.
-pub const MAX_VARYINGS: u32 = 32;
-/// Pixels that one invocation of the clear fills: a workgroup costs more than a few stores.
-pub const CLEAR_PIXELS: u32 = 16;
-/// Specialization constant: the subgroup width, also the workgroup size of subgroup-wide kernels.
-pub const SPEC_WIDTH: u32 = 65536;
-/// Specialization constant: invocations of a workgroup of several subgroups, which must be full.
-pub const SPEC_LANES: u32 = 65541;
-/// Specialization constant: the depth comparison.
-pub const SPEC_COMPARE: u32 = 65537;
-/// Specialization constant: whether raster keeps the pixels of a bin in the targets' own memory.
-pub const SPEC_IN_PLACE: u32 = 65542;
-/// Specialization constant: the colour format.
-pub const SPEC_FORMAT: u32 = 65538;
-/// Specialization constant: when the depth test happens, one of `DEPTH_*`.
-pub const SPEC_DEPTH: u32 = 65540;
-/// Specialization constant: a bit for each varying location that the fragment shader reads; what a vertex
-/// shader writes to others is not stored.
-pub const SPEC_READ: u32 = 65543;
-/// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
-/// there is none: its `Component`, the number of components from bit
-/// [`ATTRIBUTE_COUNT_SHIFT`] on, and [`ATTRIBUTE_PER_INSTANCE`].
-pub const SPEC_ATTRIBUTE: u32 = 65664;
-/// Attribute format: first bit of the number of components.
-pub const ATTRIBUTE_COUNT_SHIFT: u32 = 8;
-/// Attribute format: it is the same for all vertices of an instance.
-pub const ATTRIBUTE_PER_INSTANCE: u32 = 4096;
-/// Depth test before the shader, write after it unless it discards.
-pub const DEPTH_EARLY_TEST: u32 = 0;
-/// Depth test and write after the shader.
-pub const DEPTH_LATE: u32 = 1;
-/// Depth test and write before the shader, as `layout(early_fragment_tests)` demands and as nobody can
-/// tell from later where the shader always keeps its fragment as it is.
-pub const DEPTH_EARLY: u32 = 2;
-/// Colour format: four 8-bit channels.
-pub const FORMAT_RGBA8_UNORM: u32 = 0;
-/// Colour format: three 8-bit sRGB-encoded channels and 8-bit linear alpha.
-pub const FORMAT_RGBA8_SRGB: u32 = 1;
-/// Colour format: four half floats.
-pub const FORMAT_RGBA16_FLOAT: u32 = 2;
-
-/// Word that stands for "none": no index buffer, no attribute.
-pub const NONE: u32 = 0xffff_ffff;
-/// Instead of the cell that lists a primitive: there are several of them, or parts that clipping made.
-pub const SEVERAL_CELLS: u32 = NONE - 1;
-
-/// Descriptor set of the engine's own buffers.
-pub const SET_ENGINE: u32 = 0;
-/// Descriptor set of the resource table.
-pub const SET_TABLE: u32 = 1;
-/// Binding of the table's storage buffers.
-pub const TABLE_BUFFERS: u32 = 4;
-
-/// Vertex slots of a piece: one per vertex of an index range, for each instance.
-pub const VERTEX_RANGED: u32 = 0;
-/// Vertex slots of a piece: one per corner of a primitive.
-pub const VERTEX_PER_CORNER: u32 = 1;
-
-/// [`Triangle::flags`]: it has area, faces the right way and may cover a pixel.
-pub const TRIANGLE_VALID: u32 = 1;
-/// [`Triangle::flags`]: it faces the viewer.
-pub const TRIANGLE_FRONT: u32 = 2;
-/// [`Triangle::flags`]: its bounds are cut by the viewport or scissor, so pixels must be tested against them.
-pub const TRIANGLE_CUT: u32 = 4;
-/// [`Triangle::flags`]: first bit of its cell level.
-pub const TRIANGLE_LEVEL_SHIFT: u32 = 4;
-/// [`Triangle::flags`]: first bit of the number of triangles its primitive was clipped into, less one.
-pub const TRIANGLE_EXTRA_SHIFT: u32 = 8;
 
 /// What one dispatch knows of its batch: the push constants of every kernel.
 #[repr(C)]
@@ -256,9 +264,9 @@ pub struct Piece {
     pub depth_compare: u32,
     /// Blending: 0 off, 1 on.
     pub blend: u32,
-    /// Blend factors and operation of the colour: source, destination, operation, 4 bits each.
+    /// Blend factors and operation of the colour, at `BLEND_*`.
     pub blend_color: u32,
-    /// Blend factors and operation of alpha: source, destination, operation, 4 bits each.
+    /// Blend factors and operation of alpha, at `BLEND_*`.
     pub blend_alpha: u32,
 }
 

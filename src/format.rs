@@ -1,17 +1,19 @@
 //! Formats of targets, textures and vertex attributes.
 
-/// The format of a colour target or of a texture's texels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Format {
-    /// Four 8-bit unsigned normalized channels, linear.
-    Rgba8Unorm,
-    /// Four 8-bit unsigned normalized channels; RGB is sRGB-encoded, alpha is linear.
-    Rgba8Srgb,
-    /// Four half floats.
-    Rgba16Float,
-    /// One 32-bit float of depth in 0..=1.
-    D32Float,
+shared_enum! {
+    /// The format of a colour target or of a texture's texels.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
+    pub enum Format {
+        /// Four 8-bit unsigned normalized channels, linear.
+        Rgba8Unorm = 0,
+        /// Four 8-bit unsigned normalized channels; RGB is sRGB-encoded, alpha is linear.
+        Rgba8Srgb = 1,
+        /// Four half floats.
+        Rgba16Float = 2,
+        /// One 32-bit float of depth in 0..=1.
+        D32Float = 3,
+    }
 }
 
 impl Format {
@@ -34,32 +36,33 @@ pub struct VertexFormat {
     pub count: u8,
 }
 
-/// Storage of one component of a vertex attribute.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum Component {
-    /// 32-bit float.
-    F32 = 0,
-    /// Unsigned byte, read as an integer.
-    U8 = 1,
-    /// Signed byte, read as an integer.
-    I8 = 2,
-    /// Unsigned 16-bit, read as an integer.
-    U16 = 3,
-    /// Signed 16-bit, read as an integer.
-    I16 = 4,
-    /// Unsigned 32-bit integer.
-    U32 = 5,
-    /// Signed 32-bit integer.
-    I32 = 6,
-    /// Unsigned byte, normalized to 0..=1.
-    U8Norm = 7,
-    /// Signed byte, normalized to -1..=1.
-    I8Norm = 8,
-    /// Unsigned 16-bit, normalized to 0..=1.
-    U16Norm = 9,
-    /// Signed 16-bit, normalized to -1..=1.
-    I16Norm = 10,
+shared_enum! {
+    /// Storage of one component of a vertex attribute.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum Component {
+        /// 32-bit float.
+        F32 = 0,
+        /// Unsigned byte, read as an integer.
+        U8 = 1,
+        /// Signed byte, read as an integer.
+        I8 = 2,
+        /// Unsigned 16-bit, read as an integer.
+        U16 = 3,
+        /// Signed 16-bit, read as an integer.
+        I16 = 4,
+        /// Unsigned 32-bit integer.
+        U32 = 5,
+        /// Signed 32-bit integer.
+        I32 = 6,
+        /// Unsigned byte, normalized to 0..=1.
+        U8Norm = 7,
+        /// Signed byte, normalized to -1..=1.
+        I8Norm = 8,
+        /// Unsigned 16-bit, normalized to 0..=1.
+        U16Norm = 9,
+        /// Signed 16-bit, normalized to -1..=1.
+        I16Norm = 10,
+    }
 }
 
 impl Component {

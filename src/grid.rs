@@ -3,8 +3,8 @@
 //! Kernels work on one *band* of the target at a time, whole rows of bins, so that no buffer outgrows
 //! the smallest storage range devices offer (128 MiB) and no dispatch over bins outgrows the smallest
 //! limit of workgroups (65,535). Each band has a target of its own, pixel after pixel in rows. Bins lie
-//! one after the other in row order; in visibility the pixels of a bin are contiguous, see
-//! `glsl/lib/tile.glsl`.
+//! one after the other in row order; in visibility the pixels of a bin are contiguous, in the
+//! order of [`pixel_number`].
 
 use crate::{abi, image::Extent};
 
@@ -79,6 +79,17 @@ impl Grid {
         let log2 = CELL_LOG2[level];
         self.cell_first[level] + (y >> log2) * self.cell_columns[level] + (x >> log2)
     }
+}
+
+/// The number in its bin of the pixel (`x`, `y`) of the band: visibility lies in this order, and lanes take pixels in it.
+pub fn pixel_number(x: u32, y: u32) -> u32 {
+    let (mut number, mut x, mut y) = (0, x, y);
+    for bit in 0..abi::BIN_PIXELS.ilog2() {
+        let along = if abi::PIXEL_COLUMN_BITS >> bit & 1 != 0 { &mut x } else { &mut y };
+        number |= (*along & 1) << bit;
+        *along >>= 1;
+    }
+    number
 }
 
 /// What the buffers of a batch are sized for. Every capacity is the worst case of

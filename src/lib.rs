@@ -53,6 +53,9 @@
 //! `tests/tidy.rs` checks what no compiler does.
 #![warn(missing_docs)]
 
+#[macro_use]
+mod shared;
+
 pub mod abi;
 pub mod bench;
 mod cache;

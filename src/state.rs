@@ -1,16 +1,17 @@
 //! Fixed-function state of a pipeline, in Vulkan's terms: plain data, no Vulkan types.
 
-/// How vertices become primitives.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum Topology {
-    /// Three vertices each.
-    #[default]
-    TriangleList = 0,
-    /// Each vertex after the second makes a triangle with the two before it.
-    TriangleStrip = 1,
-    /// Each vertex after the second makes a triangle with the one before it and the first.
-    TriangleFan = 2,
+shared_enum! {
+    /// How vertices become primitives.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    pub enum Topology {
+        /// Three vertices each.
+        #[default]
+        TriangleList = 0,
+        /// Each vertex after the second makes a triangle with the two before it.
+        TriangleStrip = 1,
+        /// Each vertex after the second makes a triangle with the one before it and the first.
+        TriangleFan = 2,
+    }
 }
 
 impl Topology {
@@ -23,51 +24,65 @@ impl Topology {
     }
 }
 
-/// Which faces are not drawn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum Cull {
-    /// Both faces are drawn.
-    #[default]
-    None = 0,
-    /// Front faces are not drawn.
-    Front = 1,
-    /// Back faces are not drawn.
-    Back = 2,
+shared_enum! {
+    /// Which faces are not drawn.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    pub enum Cull {
+        /// Both faces are drawn.
+        #[default]
+        None = 0,
+        /// Front faces are not drawn.
+        Front = 1,
+        /// Back faces are not drawn.
+        Back = 2,
+    }
 }
 
-/// The winding, in framebuffer coordinates (y down), of a front face.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum FrontFace {
-    /// Counter-clockwise as seen on the screen.
-    #[default]
-    CounterClockwise = 0,
-    /// Clockwise as seen on the screen.
-    Clockwise = 1,
+shared_enum! {
+    /// The winding, in framebuffer coordinates (y down), of a front face.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    pub enum FrontFace {
+        /// Counter-clockwise as seen on the screen.
+        #[default]
+        CounterClockwise = 0,
+        /// Clockwise as seen on the screen.
+        Clockwise = 1,
+    }
 }
 
-/// A comparison: `new OP old`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum Compare {
-    /// Never passes.
-    Never = 0,
-    /// new < old
-    Less = 1,
-    /// new == old
-    Equal = 2,
-    /// new <= old
-    LessOrEqual = 3,
-    /// new > old
-    Greater = 4,
-    /// new != old
-    NotEqual = 5,
-    /// new >= old
-    GreaterOrEqual = 6,
-    /// Always passes.
-    Always = 7,
+shared_enum! {
+    /// A comparison: `new OP old`.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum Compare {
+        /// Never passes.
+        Never = 0,
+        /// new < old
+        Less = 1,
+        /// new == old
+        Equal = 2,
+        /// new <= old
+        LessOrEqual = 3,
+        /// new > old
+        Greater = 4,
+        /// new != old
+        NotEqual = 5,
+        /// new >= old
+        GreaterOrEqual = 6,
+        /// Always passes.
+        Always = 7,
+    }
 }
+
+// Kernels ask which of the first three hold.
+const _: () = {
+    let [less, equal, greater] =
+        [Compare::Less as u32, Compare::Equal as u32, Compare::Greater as u32];
+    assert!(less == 1 && equal == 2 && greater == 4 && Compare::Never as u32 == 0);
+    assert!(Compare::LessOrEqual as u32 == less | equal);
+    assert!(Compare::NotEqual as u32 == less | greater);
+    assert!(Compare::GreaterOrEqual as u32 == equal | greater);
+    assert!(Compare::Always as u32 == less | equal | greater);
+};
 
 /// The depth test. Without a depth target it is off whatever this says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -93,47 +108,59 @@ impl Default for DepthState {
     }
 }
 
-/// A factor of the blend equation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum BlendFactor {
-    /// 0
-    Zero = 0,
-    /// 1
-    One = 1,
-    /// Source colour.
-    SrcColor = 2,
-    /// 1 - source colour.
-    OneMinusSrcColor = 3,
-    /// Destination colour.
-    DstColor = 4,
-    /// 1 - destination colour.
-    OneMinusDstColor = 5,
-    /// Source alpha.
-    SrcAlpha = 6,
-    /// 1 - source alpha.
-    OneMinusSrcAlpha = 7,
-    /// Destination alpha.
-    DstAlpha = 8,
-    /// 1 - destination alpha.
-    OneMinusDstAlpha = 9,
+shared_enum! {
+    /// A factor of the blend equation.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum BlendFactor {
+        /// 0
+        Zero = 0,
+        /// 1
+        One = 1,
+        /// Source colour.
+        SrcColor = 2,
+        /// 1 - source colour.
+        OneMinusSrcColor = 3,
+        /// Destination colour.
+        DstColor = 4,
+        /// 1 - destination colour.
+        OneMinusDstColor = 5,
+        /// Source alpha.
+        SrcAlpha = 6,
+        /// 1 - source alpha.
+        OneMinusSrcAlpha = 7,
+        /// Destination alpha.
+        DstAlpha = 8,
+        /// 1 - destination alpha.
+        OneMinusDstAlpha = 9,
+    }
 }
 
-/// How weighted source and destination are combined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u32)]
-pub enum BlendOp {
-    /// source + destination
-    Add = 0,
-    /// source - destination
-    Subtract = 1,
-    /// destination - source
-    ReverseSubtract = 2,
-    /// Smaller of the two, unweighted.
-    Min = 3,
-    /// Larger of the two, unweighted.
-    Max = 4,
+shared_enum! {
+    /// How weighted source and destination are combined.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum BlendOp {
+        /// source + destination
+        Add = 0,
+        /// source - destination
+        Subtract = 1,
+        /// destination - source
+        ReverseSubtract = 2,
+        /// Smaller of the two, unweighted.
+        Min = 3,
+        /// Larger of the two, unweighted.
+        Max = 4,
+    }
 }
+
+// Kernels take an odd factor for 1 minus the even one before it, and find the even ones by their order.
+const _: () = {
+    use BlendFactor::*;
+    assert!(Zero as u32 % 2 == 0 && One as u32 == Zero as u32 + 1);
+    assert!(SrcColor as u32 == 2 && OneMinusSrcColor as u32 == 3);
+    assert!(DstColor as u32 == 4 && OneMinusDstColor as u32 == 5);
+    assert!(SrcAlpha as u32 == 6 && OneMinusSrcAlpha as u32 == 7);
+    assert!(DstAlpha as u32 == 8 && OneMinusDstAlpha as u32 == 9);
+};
 
 /// One blend equation: `op(src * src_factor, dst * dst_factor)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

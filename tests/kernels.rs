@@ -8,10 +8,14 @@ use std::{fs, path::Path};
 use tilewright::{
     abi,
     format::Format,
+    grid::pixel_number,
     image::{linear_to_srgb, texel_rgba8},
     vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
 };
 
+#[allow(dead_code)]
+#[path = "../glsl/tool/constants.rs"]
+mod constants;
 #[path = "../glsl/tool/contraction.rs"]
 mod contraction;
 
@@ -35,25 +39,9 @@ fn probe_as_if<I: Pod, O: Pod>(
     let mut source = format!(
         "#version 460
 #extension GL_EXT_control_flow_attributes : require
-#define SUBPIXEL_BITS {}u
-#define KEY_LOG2 {}u
-#define MAX_CLIPPED {}u
-#define BIN_PIXELS {}u
-#define FORMAT_RGBA8_SRGB {}u
-#define FORMAT_RGBA8_UNORM {}u
-#define FORMAT_RGBA16_FLOAT {}u
-#define BIN_SIZE_LOG2 {}u
-const uint WIDTH = {}u;
+{}const uint WIDTH = {width}u;
 const bool GREATER = false;\n",
-        abi::SUBPIXEL_BITS,
-        abi::KEY_LOG2,
-        abi::MAX_CLIPPED,
-        abi::BIN_PIXELS,
-        abi::FORMAT_RGBA8_SRGB,
-        abi::FORMAT_RGBA8_UNORM,
-        abi::FORMAT_RGBA16_FLOAT,
-        abi::BIN_SIZE_LOG2,
-        width
+        constants::defines()
     );
     for include in includes {
         let text = fs::read_to_string(folder.join(include)).expect("a file of glsl/");
@@ -415,6 +403,7 @@ fn every_pixel_of_a_bin_has_one_place() {
         let mut seen = [false; abi::BIN_PIXELS as usize];
         for (i, [x, y, back, _]) in outputs.into_iter().enumerate() {
             assert_eq!(back as usize, i, "tile_index undoes tile_pixel");
+            assert_eq!(pixel_number(x, y), back, "the host's order is the kernels'");
             assert!(!std::mem::replace(&mut seen[(y * 16 + x) as usize], true), "({x}, {y}) twice");
             let (quad_x, quad_y) = (outputs_of(i & !3).0, outputs_of(i & !3).1);
             assert_eq!((x & !1, y & !1), (quad_x, quad_y), "lanes 4m to 4m+3 are a quad");

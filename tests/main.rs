@@ -9,6 +9,7 @@ mod common;
 mod devices;
 mod extremes;
 mod golden;
+mod interpolation;
 mod kept;
 mod kernels;
 mod known_issues;

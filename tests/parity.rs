@@ -59,7 +59,7 @@ fn scene_pass(scene: &Scene, extent: Extent, format: Format) -> Pass {
 }
 
 /// How the two executors' drawings of `pass` differ.
-fn differences(gpu: &Gpu, pass: &Pass) -> Difference {
+pub fn differences(gpu: &Gpu, pass: &Pass) -> Difference {
     let ids = compare::id_pass(pass).expect("an id pass");
     let mut compute = compute::Renderer::new(gpu).expect("a compute renderer");
     let (a, a_ids) = (compute.render(pass).unwrap(), compute.render(&ids.pass).unwrap());

@@ -225,6 +225,59 @@ fn steps_declare_no_buffers() {
     report("glsl/lib is arithmetic; kernels declare the buffers:", &faults);
 }
 
+/// The operators of `line` that compare one of `names`, or a field of that name, with a bare number, and the labels
+/// that are one.
+fn bare_numbers<'a>(line: &'a str, names: &[&str]) -> Vec<&'a str> {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let begins_with_digit =
+        |text: &str| text.trim_start().starts_with(|c: char| c.is_ascii_digit());
+    let compared = line.match_indices(['=', '!', '<', '>']).filter(|&(at, _)| {
+        let (before, after) = (line[..at].trim_end(), line[at + 1..].trim_start_matches(['=']));
+        let operator = &line[at..line.len() - after.len()];
+        let assigns = operator == "=" || after.starts_with(['<', '>']);
+        let start = before.rfind(|c| !is_word(c)).map_or(0, |at| at + 1);
+        !assigns && names.contains(&&before[start..]) && begins_with_digit(after)
+    });
+    let labels = line.match_indices("case ").filter(|(at, _)| begins_with_digit(&line[at + 5..]));
+    compared.chain(labels).map(|(at, _)| line[at..].trim_end()).collect()
+}
+
+#[test]
+fn numbers_of_state_have_names() {
+    // What holds an enum of state.rs or format.rs, or a number that stands for one. A vertex attribute's format is 0
+    // where there is none.
+    let names = [
+        "topology",
+        "component",
+        "factor",
+        "op",
+        "operation",
+        "cull",
+        "front_face",
+        "depth_compare",
+        "COMPARE",
+        "FORMAT",
+        "DEPTH",
+        "vertex_mode",
+    ];
+    assert_eq!(bare_numbers("if (piece.cull != 2u)", &names), ["!= 2u)"]);
+    assert_eq!(bare_numbers("COMPARE == COMPARE_LESS || COMPARE >= 4u", &names), [">= 4u"]);
+    assert_eq!(
+        bare_numbers("case 3u: case COMPONENT_U8: x = 1;", &names),
+        ["case 3u: case COMPONENT_U8: x = 1;"]
+    );
+    assert!(bare_numbers("op < BLEND_OP_MIN ? a : topology >> 2 == 1u", &names).is_empty());
+    let mut faults = Vec::new();
+    for file in files().iter().filter(|file| file.is_in("glsl/") && is_shader(&file.path)) {
+        for (number, line) in file.code() {
+            if !bare_numbers(line, &names).is_empty() {
+                faults.push(format!("{}:{number}: {}", file.path, line.trim()));
+            }
+        }
+    }
+    report("a number that Rust gives a name has it in GLSL too:", &faults);
+}
+
 #[test]
 fn a_file_opens_with_what_it_is() {
     let mut faults = Vec::new();

@@ -2,14 +2,10 @@
 #ifndef ASSEMBLY_GLSL
 #define ASSEMBLY_GLSL
 
-const uint TRIANGLE_LIST = 0u;
-const uint TRIANGLE_STRIP = 1u;
-const uint TRIANGLE_FAN = 2u;
-
 // The provoking vertex comes first; strips swap two of every other triangle to keep the winding.
 uvec3 assemble(const uint topology, const uint k) {
-    if (topology == TRIANGLE_LIST) return 3u * k + uvec3(0u, 1u, 2u);
-    if (topology == TRIANGLE_STRIP) return k + uvec3(0u, 1u + (k & 1u), 2u - (k & 1u));
+    if (topology == TOPOLOGY_TRIANGLE_LIST) return 3u * k + uvec3(0u, 1u, 2u);
+    if (topology == TOPOLOGY_TRIANGLE_STRIP) return k + uvec3(0u, 1u + (k & 1u), 2u - (k & 1u));
     return uvec3(k + 1u, k + 2u, 0u);
 }
 #endif

@@ -2,11 +2,11 @@
 #ifndef ATTRIBUTE_GLSL
 #define ATTRIBUTE_GLSL
 
-// Bytes of a component, by `Component` of format.rs.
+// Bytes of a component.
 uint component_bytes(const uint component) {
     switch (component) {
-        case 0u: case 5u: case 6u: return 4u;
-        case 3u: case 4u: case 9u: case 10u: return 2u;
+        case COMPONENT_F32: case COMPONENT_U32: case COMPONENT_I32: return 4u;
+        case COMPONENT_U16: case COMPONENT_I16: case COMPONENT_U16_NORM: case COMPONENT_I16_NORM: return 2u;
         default: return 1u;
     }
 }
@@ -15,14 +15,14 @@ uint component_bytes(const uint component) {
 uint component_value(const uint component, const uint bits) {
     int low8 = bitfieldExtract(int(bits), 0, 8), low16 = bitfieldExtract(int(bits), 0, 16);
     switch (component) {
-        case 1u: return bits & 0xffu;
-        case 2u: return uint(low8);
-        case 3u: return bits & 0xffffu;
-        case 4u: return uint(low16);
-        case 7u: return floatBitsToUint(float(bits & 0xffu) / 255.0);
-        case 8u: return floatBitsToUint(max(float(low8) / 127.0, -1.0));
-        case 9u: return floatBitsToUint(float(bits & 0xffffu) / 65535.0);
-        case 10u: return floatBitsToUint(max(float(low16) / 32767.0, -1.0));
+        case COMPONENT_U8: return bits & 0xffu;
+        case COMPONENT_I8: return uint(low8);
+        case COMPONENT_U16: return bits & 0xffffu;
+        case COMPONENT_I16: return uint(low16);
+        case COMPONENT_U8_NORM: return floatBitsToUint(float(bits & 0xffu) / 255.0);
+        case COMPONENT_I8_NORM: return floatBitsToUint(max(float(low8) / 127.0, -1.0));
+        case COMPONENT_U16_NORM: return floatBitsToUint(float(bits & 0xffffu) / 65535.0);
+        case COMPONENT_I16_NORM: return floatBitsToUint(max(float(low16) / 32767.0, -1.0));
         default: return bits;
     }
 }

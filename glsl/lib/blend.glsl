@@ -1,44 +1,60 @@
-// The blend equations (Vulkan 1.3, chapter 29.1); factors and operations as numbered in state.rs.
+// The blend equations (Vulkan 1.3, chapter 29.1).
 #ifndef BLEND_GLSL
 #define BLEND_GLSL
 
-// Odd factors are 1 minus the even ones before them. Selections, because drivers for CPUs make a dozen branches
-// of a switch, and compile them all.
+// The parts of an equation.
+uint source_factor(const uint equation) {
+    return equation & ((1u << BLEND_FACTOR_BITS) - 1u);
+}
+
+uint target_factor(const uint equation) {
+    return (equation >> BLEND_TARGET_SHIFT) & ((1u << BLEND_FACTOR_BITS) - 1u);
+}
+
+uint blend_op(const uint equation) {
+    return equation >> BLEND_OP_SHIFT;
+}
+
+// Odd factors are 1 minus the even ones before them (`BlendFactor` of state.rs). Selections, because drivers for CPUs
+// make a dozen branches of a switch, and compile them all.
 vec4 blend_factor(const uint factor, const vec4 source, const vec4 target) {
-    vec4 even = factor < 4u ? source : (factor < 6u ? target : vec4(factor < 8u ? source.a : target.a));
-    if (factor < 2u) even = vec4(0.0);
+    vec4 even = vec4(factor < BLEND_FACTOR_DST_ALPHA ? source.a : target.a);
+    if (factor < BLEND_FACTOR_SRC_ALPHA) even = factor < BLEND_FACTOR_DST_COLOR ? source : target;
+    if (factor < BLEND_FACTOR_SRC_COLOR) even = vec4(0.0);
     return (factor & 1u) != 0u ? 1.0 - even : even;
 }
 
-// `equation`: source factor, target factor and operation, 4 bits each.
 vec4 blend_apply(const uint equation, const vec4 source, const vec4 target) {
-    uint operation = equation >> 8;
-    vec4 s = source * blend_factor(equation & 15u, source, target);
-    vec4 t = target * blend_factor((equation >> 4) & 15u, source, target);
-    vec4 sum = operation == 0u ? s + t : (operation == 1u ? s - t : t - s);
-    vec4 extreme = operation == 3u ? min(source, target) : max(source, target);
-    return operation < 3u ? sum : extreme;
+    uint op = blend_op(equation);
+    vec4 s = source * blend_factor(source_factor(equation), source, target);
+    vec4 t = target * blend_factor(target_factor(equation), source, target);
+    vec4 sum = op == BLEND_OP_ADD ? s + t : (op == BLEND_OP_SUBTRACT ? s - t : t - s);
+    vec4 extreme = op == BLEND_OP_MIN ? min(source, target) : max(source, target);
+    return op < BLEND_OP_MIN ? sum : extreme;
 }
 
 // Whether an equation adds, one or source alpha times the source, and one or 1 - source alpha times the
 // target. Most do, and CPUs take these without walking through a dozen cases.
 bool blend_adds(const uint equation) {
-    uint source_factor = equation & 15u, rest = equation >> 4;
-    return (source_factor == 1u || source_factor == 6u) && (rest == 1u || rest == 7u);
+    uint s = source_factor(equation), t = target_factor(equation);
+    return blend_op(equation) == BLEND_OP_ADD && (s == BLEND_FACTOR_ONE || s == BLEND_FACTOR_SRC_ALPHA) &&
+           (t == BLEND_FACTOR_ONE || t == BLEND_FACTOR_ONE_MINUS_SRC_ALPHA);
 }
 
 // Whether a finite source without alpha leaves the target as it is: source alpha times the source, or for
 // alpha itself once, and one or 1 - source alpha times the target.
 bool blend_keeps(const uint color, const uint alpha) {
-    return blend_adds(color) && blend_adds(alpha) && (color & 15u) == 6u;
+    return blend_adds(color) && blend_adds(alpha) && source_factor(color) == BLEND_FACTOR_SRC_ALPHA;
 }
 
 vec4 blend(const uint color, const uint alpha, const vec4 source, const vec4 target) {
     if (blend_adds(color) && blend_adds(alpha)) {
         float rest = 1.0 - source.a;
-        vec3 s = source.rgb * ((color & 15u) == 6u ? source.a : 1.0), t = target.rgb * (color >> 4 == 7u ? rest : 1.0);
-        float sa = source.a * ((alpha & 15u) == 6u ? source.a : 1.0), ta = target.a * (alpha >> 4 == 7u ? rest : 1.0);
-        return vec4(s + t, sa + ta);
+        float by_color = source_factor(color) == BLEND_FACTOR_SRC_ALPHA ? source.a : 1.0;
+        float by_alpha = source_factor(alpha) == BLEND_FACTOR_SRC_ALPHA ? source.a : 1.0;
+        float rest_color = target_factor(color) == BLEND_FACTOR_ONE_MINUS_SRC_ALPHA ? rest : 1.0;
+        float rest_alpha = target_factor(alpha) == BLEND_FACTOR_ONE_MINUS_SRC_ALPHA ? rest : 1.0;
+        return vec4(source.rgb * by_color + target.rgb * rest_color, source.a * by_alpha + target.a * rest_alpha);
     }
     return vec4(blend_apply(color, source, target).rgb, blend_apply(alpha, source, target).a);
 }

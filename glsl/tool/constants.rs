@@ -1,59 +1,96 @@
-//! The constants that GLSL takes from Rust: the one place they come from.
+//! What GLSL takes from Rust as macros: constants, numbers of enums and the order of a bin's pixels.
+//! The names and the numbers are those of `src/`; nothing is listed here twice.
 
-use std::{collections::BTreeMap, fmt::Write as _};
-
+#[macro_use]
+#[path = "../../src/shared.rs"]
+mod shared;
 #[allow(dead_code)]
 #[path = "../../src/abi.rs"]
 pub mod abi;
+#[allow(dead_code)]
+#[path = "../../src/format.rs"]
+mod format;
+#[allow(dead_code)]
+#[path = "../../src/state.rs"]
+mod state;
 
-/// Name and value of every `pub const NAME: u32` of `src/abi.rs`. The values come from the compiled
-/// module, so expressions are allowed.
-pub fn constants() -> Result<BTreeMap<&'static str, u32>, String> {
-    let known = values();
-    for line in include_str!("../../src/abi.rs").lines() {
-        let name = line.strip_prefix("pub const ").and_then(|rest| rest.split_once(": u32"));
-        if let Some((name, _)) = name
-            && !known.contains_key(name)
-        {
-            return Err(format!("list `{name}` of src/abi.rs in glsl/tool/constants.rs"));
+use std::fmt::Write as _;
+
+/// Modules with the name and the number of what GLSL shares with them.
+fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 9] {
+    [
+        ("abi", abi::CONSTANTS),
+        ("format", format::Format::NUMBERS),
+        ("format", format::Component::NUMBERS),
+        ("state", state::Topology::NUMBERS),
+        ("state", state::Cull::NUMBERS),
+        ("state", state::FrontFace::NUMBERS),
+        ("state", state::Compare::NUMBERS),
+        ("state", state::BlendFactor::NUMBERS),
+        ("state", state::BlendOp::NUMBERS),
+    ]
+}
+
+/// The macros that every kernel is compiled with.
+pub fn defines() -> String {
+    let mut text = String::new();
+    for (name, value) in shared().into_iter().flat_map(|(_, names)| names) {
+        let _ = writeln!(text, "#define {} {value}u", macro_name(name));
+    }
+    text + &pixel_order(abi::PIXEL_COLUMN_BITS, abi::BIN_PIXELS)
+}
+
+/// One assertion for each number, so that kernels that were compiled with another one do not go unnoticed.
+pub fn assertions() -> String {
+    let mut text = String::new();
+    for (module, names) in shared() {
+        for (name, value) in names {
+            let number = if name.contains("::") { " as u32" } else { "" };
+            let _ = writeln!(
+                text,
+                "const _: () = assert!({module}::{name}{number} == {value}, \"{name} has changed: run `cargo spirv`\");"
+            );
         }
     }
-    Ok(known)
+    text
 }
 
-/// The constants as GLSL macros.
-pub fn defines(constants: &BTreeMap<&str, u32>) -> String {
-    constants.iter().fold(String::new(), |mut text, (name, value)| {
-        let _ = writeln!(text, "#define {name} {value}u");
-        text
-    })
-}
-
-/// One assertion for each constant, so that kernels that were compiled with another value do not go
-/// unnoticed.
-pub fn assertions(constants: &BTreeMap<&str, u32>) -> String {
-    constants.iter().fold(String::new(), |mut text, (name, value)| {
-        let _ = writeln!(
-            text,
-            "const _: () = assert!(abi::{name} == {value}, \"{name} has changed: run `cargo spirv`\");"
-        );
-        text
-    })
-}
-
-macro_rules! values {
-    ($($name:ident)*) => { BTreeMap::from([$((stringify!($name), abi::$name)),*]) };
-}
-
-fn values() -> BTreeMap<&'static str, u32> {
-    values! {
-        SUBPIXEL_BITS BIN_SIZE_LOG2 BIN_PIXELS CELL_LEVELS CELL_LOG2_0 CELL_LOG2_1 CELL_LOG2_2
-        CELL_LOG2_3 MAX_CELLS MAX_CELLS_TESTED SEVERAL_CELLS MAX_EXTENT_LOG2 GUARD_LOG2 MAX_CLIPPED KEY_LOG2
-        MAX_FRAGMENT_KERNELS GROUP CLEAR_PIXELS VERTEX_ROUNDS PRIMITIVE_ROUNDS MAX_ATTRIBUTES MAX_VARYINGS
-        QUAD WINDOW_LOG2 WINDOW_OVERLAP SPEC_LANES SPEC_READ SPEC_ATTRIBUTE
-        ATTRIBUTE_COUNT_SHIFT ATTRIBUTE_PER_INSTANCE SPEC_WIDTH SPEC_COMPARE SPEC_IN_PLACE SPEC_FORMAT NONE SET_ENGINE SET_TABLE
-        TABLE_BUFFERS VERTEX_RANGED VERTEX_PER_CORNER TRIANGLE_VALID TRIANGLE_FRONT TRIANGLE_CUT
-        TRIANGLE_LEVEL_SHIFT TRIANGLE_EXTRA_SHIFT SPEC_DEPTH DEPTH_EARLY_TEST DEPTH_LATE
-        DEPTH_EARLY FORMAT_RGBA8_UNORM FORMAT_RGBA8_SRGB FORMAT_RGBA16_FLOAT
+/// The macro of a constant or of an enum's variant: `BLEND_FACTOR_SRC_ALPHA` for `BlendFactor::SrcAlpha`.
+fn macro_name(name: &str) -> String {
+    let mut text = String::new();
+    let mut before = '_';
+    for c in name.replace("::", "_").chars() {
+        // A word begins with a capital that no other capital precedes: `U8Norm` has two words, `BIN_PIXELS` too.
+        if c.is_ascii_uppercase() && (before.is_ascii_lowercase() || before.is_ascii_digit()) {
+            text.push('_');
+        }
+        text.push(c.to_ascii_uppercase());
+        before = c;
     }
+    text
+}
+
+/// Macros from a pixel's number in its bin to its column and row, and back.
+fn pixel_order(column_bits: u32, pixels: u32) -> String {
+    let row_bits = (pixels - 1) & !column_bits;
+    let [(column, back_x), (row, back_y)] = [column_bits, row_bits].map(|bits| {
+        // Neighbouring bits move together: where the run begins in the number, and where in the coordinate.
+        let (mut gathered, mut scattered) = (Vec::new(), Vec::new());
+        let (mut left, mut to) = (bits, 0);
+        while left != 0 {
+            let from = left.trailing_zeros();
+            let length = (left >> from).trailing_ones();
+            let (mask, shift) = (((1 << length) - 1) << to, from - to);
+            gathered.push(format!("((i) >> {shift} & {mask}u)"));
+            scattered.push(format!("((x) & {mask}u) << {shift}"));
+            left &= !(((1 << length) - 1) << from);
+            to += length;
+        }
+        (gathered.join(" | "), scattered.join(" | "))
+    });
+    let back_y = back_y.replace("(x)", "(y)");
+    format!(
+        "#define PIXEL_COLUMN(i) ({column})\n#define PIXEL_ROW(i) ({row})\n\
+         #define PIXEL_NUMBER(x, y) ({back_x} | {back_y})\n"
+    )
 }

@@ -60,18 +60,18 @@ fn glsl() -> PathBuf {
 
 /// Names and contents of the files of `glsl/spirv/`.
 fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
-    let constants = constants::constants()?;
+    let defines = constants::defines();
     let mut files = BTreeMap::new();
     let mut sources = BTreeMap::new();
     for name in kernels(glsl)? {
         let text = source::expand(glsl, &name)?;
-        let words = compile(&name, &text, "comp", &constants::defines(&constants))?;
+        let words = compile(&name, &text, "comp", &defines)?;
         let mut module = load(&name, &words)?;
         if name == "abi.comp" {
             let structs = layout::assertions(&module, &text);
             let all = format!(
-                "//! What the kernels were compiled with. Made by `cargo spirv`.\n\nuse crate::abi;\n\n{}{structs}",
-                constants::assertions(&constants)
+                "//! What the kernels were compiled with. Made by `cargo spirv`.\n\nuse crate::{{abi, format, state}};\n\n{}{structs}",
+                constants::assertions()
             );
             files.insert("layout.rs".into(), all.into_bytes());
         } else {

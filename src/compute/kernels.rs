@@ -54,15 +54,13 @@ pub struct PlanKernels {
     pub last_opaque: Option<usize>,
 }
 
-/// The `abi` number of a colour format.
+/// The number that a colour format has in kernels.
 ///
 /// # Errors
 /// [`Error::Usage`] for a format that holds no colours.
 pub fn color_format(format: Format) -> Result<u32> {
     match format {
-        Format::Rgba8Unorm => Ok(abi::FORMAT_RGBA8_UNORM),
-        Format::Rgba8Srgb => Ok(abi::FORMAT_RGBA8_SRGB),
-        Format::Rgba16Float => Ok(abi::FORMAT_RGBA16_FLOAT),
+        Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => Ok(format as u32),
         Format::D32Float => Err(Error::Usage("D32Float is no format of a colour target".into())),
     }
 }

@@ -4,7 +4,7 @@ use super::{Renderer, frame::Setup};
 use crate::{
     abi::{self, Triangle},
     error::Result,
-    grid::Grid,
+    grid::{Grid, pixel_number},
     pass::{Buffer, Frame},
     plan::{Method, Plan},
     trace::{BatchTrace, Parts, Trace},
@@ -122,18 +122,13 @@ fn lists(ends: &[u32], entries: &[u32]) -> Vec<Vec<u32>> {
     ends.iter().map(list).collect()
 }
 
-/// From bins to rows, as `glsl/lib/tile.glsl` orders a bin's pixels.
+/// From bins to rows.
 fn rows<T: Copy>(band: &Grid, bins: &[T]) -> Vec<T> {
-    let mask = (1 << abi::BIN_SIZE_LOG2) - 1;
     let mut rows = Vec::with_capacity(band.extent.pixels());
     for y in 0..band.extent.height {
         for x in 0..band.extent.width {
             let bin = band.cell(0, x, y);
-            let (x, y) = (x & mask, y & mask);
-            let quad = (x & 1) | (y & 1) << 1;
-            let quadrant = (x & 6) << 1 | (y & 6) << 3;
-            let index = quad | quadrant | (x & 8) << 3 | (y & 8) << 4;
-            rows.push(bins[(bin * abi::BIN_PIXELS + index) as usize]);
+            rows.push(bins[(bin * abi::BIN_PIXELS + pixel_number(x, y)) as usize]);
         }
     }
     rows

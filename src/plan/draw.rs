@@ -148,7 +148,9 @@ impl Planner<'_> {
         let offset = [viewport.x + scale[0], viewport.y + scale[1]];
         let depth_test = self.pass.depth.is_some() && pipeline.depth.test;
         let equation = |b: crate::state::BlendEquation| {
-            b.src as u32 | (b.dst as u32) << 4 | (b.op as u32) << 8
+            b.src as u32
+                | (b.dst as u32) << abi::BLEND_TARGET_SHIFT
+                | (b.op as u32) << abi::BLEND_OP_SHIFT
         };
         let blend = pipeline.blend.unwrap_or(Blend::ALPHA);
         let (index_slot, index_bytes, first_element) = match &draw.indices {
