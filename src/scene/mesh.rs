@@ -157,10 +157,11 @@ impl Mesh {
             // A place with hundreds of faces is a fan's hub; a share of them is near enough, and
             // no file can ask for the square of its faces.
             let step = here.len().div_ceil(64).max(1);
-            let others = here.iter().step_by(step).map(|&i| i as usize).filter(|&i| i != own);
-            let smooth = others.filter(|&i| units[i / 3].dot(units[own / 3]) >= crease);
-            let sum: DVec3 = smooth.map(part).sum();
-            unit(sum + part(own)).unwrap_or(Vec3::Y)
+            let near = |&i: &usize| i == own || units[i / 3].dot(units[own / 3]) >= crease;
+            let sampled = here.iter().step_by(step).map(|&i| i as usize);
+            // The sum goes round in one order for all corners, so that equal faces give equal bits.
+            let sum: DVec3 = sampled.filter(near).map(part).sum();
+            unit(sum).or(unit(part(own))).unwrap_or(Vec3::Y)
         });
         self.complete_normals(made);
         self.share();

@@ -144,8 +144,10 @@ pub(super) mod tests {
 
     #[test]
     fn odd_bytes_and_versions_are_errors_not_panics() {
-        assert!(reason("#version 4é50\nvoid main() {}").contains("line 1"));
-        assert!(reason("#version 331\nvoid main() {}").contains("331"));
+        let odd = reason("#version 4é50\nvoid main() {}");
+        assert!(odd.contains("line 1"), "{odd}");
+        let old = reason("#version 331\nvoid main() {}");
+        assert!(old.contains("331"), "{old}");
         assert!(reason("#version 450\nvoid main() { \0 }").contains("line 2: a NUL"));
         assert!(reason("#version 450\nvoid main() { ä = 1; }").contains("line 2"));
         assert!(reason("").contains("bad.frag"));
