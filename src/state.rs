@@ -155,7 +155,7 @@ shared_enum! {
 // Kernels take an odd factor for 1 minus the even one before it, and find the even ones by their order.
 const _: () = {
     use BlendFactor::*;
-    assert!(Zero as u32 % 2 == 0 && One as u32 == Zero as u32 + 1);
+    assert!((Zero as u32).is_multiple_of(2) && One as u32 == Zero as u32 + 1);
     assert!(SrcColor as u32 == 2 && OneMinusSrcColor as u32 == 3);
     assert!(DstColor as u32 == 4 && OneMinusDstColor as u32 == 5);
     assert!(SrcAlpha as u32 == 6 && OneMinusSrcAlpha as u32 == 7);
