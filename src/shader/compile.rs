@@ -84,8 +84,9 @@ pub(super) fn plain_ascii(source: &str) -> Outcome<String> {
 /// The compiler's log as sentences that name lines.
 fn message(log: &str, source: &str) -> String {
     if log.contains("version not supported") {
-        let line = source.lines().find(|line| line.contains("#version")).unwrap_or_default();
-        return format!("`{}` is no version of GLSL that Vulkan takes", line.trim());
+        let mut lines = source.lines().zip(1..);
+        let (line, number) = lines.find(|(line, _)| line.contains("#version")).unwrap_or_default();
+        return format!("line {number}: `{}` is no version of GLSL that Vulkan takes", line.trim());
     }
     let lines: Vec<String> = log
         .lines()
