@@ -7,7 +7,7 @@
 //! | file | concept |
 //! |---|---|
 //! | `layout` | descriptor set layouts merged from the reflection of both stages |
-//! | `pipeline` | `VkPipeline` from a [`Pipeline`] |
+//! | `pipeline` | `VkPipeline` from a [`Pipeline`](crate::pass::Pipeline) |
 //! | `bindings` | descriptor sets from binding sets |
 //! | `prepared` | targets, recorded draws, reading back |
 //!
