@@ -21,7 +21,7 @@ fn each_resource_is_the_draws_own() {
         place(&mut scene, &[vec![5, 6, 7]]);
         place(&mut scene, &[vec![0x4000_0000, 77]]);
         let body = "layout(set = 0, binding = 1) uniform Block { float a; mat3 m; vec4 v; } block;
-            layout(set = 0, binding = 3) readonly buffer Many { uint first; uint list[]; } many[2][3];
+            layout(set = 0, binding = 3) readonly buffer Many { uint first; uint list[]; } many[6];
             layout(set = 2, binding = 0) readonly buffer Words { uint words[]; };
             layout(push_constant) uniform Push { float scale; uint id; } push;
             layout(location = 0) in vec2 p;
@@ -29,8 +29,8 @@ fn each_resource_is_the_draws_own() {
             layout(location = 1) out vec4 more;
             void main() {
                 int x = int(p.x);
-                color = uvec4(many[x & 1][x % 3].list[0], many[1][2].first, words[2], push.id);
-                more = vec4(block.m[2][1], block.v.w, push.scale, many[0][1].list[0]);
+                color = uvec4(many[(x & 1) * 3 + x % 3].list[0], many[5].first, words[2], push.id);
+                more = vec4(block.m[2][1], block.v.w, push.scale, many[1].list[0]);
             }";
         let source = format!("#version 460\n{body}");
         let shader = Shader::from_glsl(Stage::Fragment, "test.frag", &source).unwrap();
