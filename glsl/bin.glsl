@@ -3,7 +3,7 @@
 //
 // Depth and key of each pixel are in shared memory, or IN_PLACE, where `depth` and `visibility` have
 // them in the end: to CPUs all memory is the same, and what is in place need not be brought. Each pixel
-// is touched by one lane only, so that there is no barrier. What includes this defines WIDTH, the
+// is touched by one lane only, so that there is no barrier. What includes this defines SUBGROUP_WIDTH, the
 // subgroup's, COMPARE, the depth comparison, and IN_PLACE.
 #ifndef BIN_GLSL
 #define BIN_GLSL
@@ -70,7 +70,7 @@ bool beats(const Bin bin, const uint i, const ivec2 p, const float z, const uint
 // Makes the bin's pixels hold what the batch finds, or all of them one surface: the depth `plane` and
 // `key`.
 void fill(const Bin bin, const bool single, const uint key, const vec3 plane) {
-    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) {
+    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
         if (!in_target(bin, p)) continue;
         float z = 0.0;
@@ -97,7 +97,7 @@ void cover(const Bin bin, const vec3 plane) {
 // The farthest depth that a block holds.
 float farthest_of(const Bin bin, const uint block) {
     float far_z = GREATER ? 1.0 : 0.0;
-    [[dont_unroll]] for (uint i = block * BLOCK + gl_SubgroupInvocationID; i < (block + 1u) * BLOCK; i += WIDTH) {
+    [[dont_unroll]] for (uint i = block * BLOCK + gl_SubgroupInvocationID; i < (block + 1u) * BLOCK; i += SUBGROUP_WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
         if (!in_target(bin, p)) continue;
         float z = held_depth(bin, i, p);

@@ -18,7 +18,7 @@
 #include "lib/cells.glsl"
 #include "lib/tile.glsl"
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 layout(local_size_x_id = SPEC_WIDTH) in;
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
 layout(scalar, binding = 0) readonly buffer CellCounts { uint cell_counts[]; };
@@ -39,7 +39,7 @@ bool bin_has_work(const uvec2 position, const uint own) {
 void main() {
     uint lane = gl_SubgroupInvocationID;
     uint entries = 0u, listed = 0u;
-    for (uint first = 0u; first < batch.cells; first += WIDTH) {
+    for (uint first = 0u; first < batch.cells; first += SUBGROUP_WIDTH) {
         uint cell = first + lane;
         uint count = cell < batch.cells ? cell_counts[cell] : 0u;
         uint place = entries + subgroupExclusiveAdd(count);

@@ -14,7 +14,7 @@
 // memory, touched by one lane only. `docs/tried.md` says what was tried.
 #version 460
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 
 #include "fragment.glsl"
 #include "lib/cells.glsl"
@@ -35,7 +35,7 @@ layout(scalar, binding = 11) writeonly buffer BinBounds { vec2 bin_bounds[]; };
 // Patches of a bin are as many pixels as a subgroup has lanes. A lane has a bit for each, row by row, and
 // narrow subgroups, which have more than a word has bits, take the bin in parts.
 const uint COLUMNS_LOG2 = BIN_SIZE_LOG2 - PATCH_X_LOG2;
-const uint PARTS = WIDTH < 8u ? 2u : 1u;
+const uint PARTS = SUBGROUP_WIDTH < 8u ? 2u : 1u;
 const uint ROWS = (1u << (BIN_SIZE_LOG2 - PATCH_Y_LOG2)) / PARTS;
 
 // Each comparison is the sum of the three that it lets pass. Depths are never not-a-number.
@@ -149,7 +149,7 @@ void main() {
     uint bin = position.y * batch.bins_x + position.x;
     // Each pixel by the lane that draws to it: nothing orders what other lanes write.
     if (batch.traced != 0u) {
-        for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) visibility[bin * BIN_QUADS + (i >> 2)][i & 3u] = 0u;
+        for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) visibility[bin * BIN_QUADS + (i >> 2)][i & 3u] = 0u;
     }
     // Depth is written here and there, in any direction.
     if (gl_SubgroupInvocationID == 0u) bin_bounds[bin] = vec2(0.0, 1.0);

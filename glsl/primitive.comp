@@ -160,17 +160,17 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
 void main() {
     uint first = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     first = first * GROUP * PRIMITIVE_ROUNDS + gl_LocalInvocationIndex;
-    uint bound_end = 0u, piece_index; // the first primitive that is not the bound piece's
+    uint piece_end = 0u, piece_index; // the first primitive that is not the bound piece's
     Piece piece;
     [[dont_unroll]] for (uint round = 0u; round < PRIMITIVE_ROUNDS; round++) {
         // Lanes beyond the end bind too: one that is switched off may still make a driver look at whatever
         // index buffer it holds.
         uint primitive = min(first + round * GROUP, batch.primitives - 1u);
-        if (primitive >= bound_end) {
+        if (primitive >= piece_end) {
             piece_index = piece_of_primitive(primitive);
-            bound_end = batch.primitives;
+            piece_end = batch.primitives;
             if (piece_index + 1u < batch.piece_first + batch.piece_count) {
-                bound_end = pieces[piece_index + 1u].first_primitive;
+                piece_end = pieces[piece_index + 1u].first_primitive;
             }
             piece = pieces[piece_index];
         }

@@ -21,7 +21,7 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #include "abi.glsl"
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 layout(constant_id = SPEC_COMPARE) const uint COMPARE = COMPARE_LESS;
 layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
 
@@ -71,7 +71,7 @@ void main() {
         // Triangles of other sizes may hide more, or be hidden.
         pause = 1u;
         due = max(round, 1u);
-        [[dont_unroll]] for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += WIDTH) {
+        [[dont_unroll]] for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += SUBGROUP_WIDTH) {
             uint key = entries[min(first + lane, end - 1u)];
             uint at = key_triangle(key, batch.extra_first);
             uvec4 x_low = uvec4(triangles[at].raster[0], triangles[at].raster[1]);
@@ -144,7 +144,7 @@ void main() {
                     ivec2 low_j = subgroupShuffle(low, j), high_j = subgroupShuffle(high, j);
                     uint left = subgroupShuffle(patches, j);
                     do {
-                        uint i = uint(findLSB(left)) * WIDTH;
+                        uint i = uint(findLSB(left)) * SUBGROUP_WIDTH;
                         left &= left - 1u;
                         ivec2 step = ivec2(tile_pixel(i));
                         ivec3 e = start + dx * step.x + dy * step.y;

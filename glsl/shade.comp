@@ -15,7 +15,7 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 
 #include "fragment.glsl"
 
@@ -45,9 +45,9 @@ void main() {
     uvec2 position = bin_position(entry.x);
     uint covering = entry.y, first_quad = (position.y * batch.bins_x + position.x) * BIN_QUADS;
     uint lane = gl_SubgroupInvocationID;
-    [[dont_unroll]] for (uint first = 0u; first < BIN_QUADS; first += WIDTH) {
+    [[dont_unroll]] for (uint first = 0u; first < BIN_QUADS; first += SUBGROUP_WIDTH) {
         uvec4 keys = uvec4(covering);
-        uint shown = 1u, through = lane + 1u, count = min(WIDTH, BIN_QUADS - first);
+        uint shown = 1u, through = lane + 1u, count = min(SUBGROUP_WIDTH, BIN_QUADS - first);
         if (covering == 0u) {
             if (first + lane < BIN_QUADS) keys = visibility[first_quad + first + lane];
             if (batch.fragment_kernels > 1u) {
@@ -55,9 +55,9 @@ void main() {
             }
             shown = first_shown(keys);
             through = subgroupInclusiveAdd(bitCount(shown));
-            count = subgroupShuffle(through, WIDTH - 1u);
+            count = subgroupShuffle(through, SUBGROUP_WIDTH - 1u);
         }
-        [[dont_unroll]] for (uint next = 0u; next < count; next += WIDTH / 4u) {
+        [[dont_unroll]] for (uint next = 0u; next < count; next += SUBGROUP_WIDTH / 4u) {
             // Quads for which there is nothing left help with the last: all lanes stay together, and none
             // holds an undefined table slot.
             uint n = min(next + (lane >> 2), count - 1u), from = n, key = covering;
@@ -65,7 +65,7 @@ void main() {
             if (covering == 0u) {
                 // The lane that counted the `n`th, and which of its pixels that is.
                 from = 0u;
-                [[unroll]] for (uint step = WIDTH / 2u; step > 0u; step >>= 1) {
+                [[unroll]] for (uint step = SUBGROUP_WIDTH / 2u; step > 0u; step >>= 1) {
                     if (subgroupShuffle(through, from + step - 1u) <= n) from += step;
                 }
                 uint bits = subgroupShuffle(shown, from);

@@ -21,7 +21,7 @@ uint fragment_kernel_of(const uint key) {
 void finish(const Bin bin, out uint shown, out vec2 bounds) {
     shown = 0u;
     bounds = vec2(2.0, -1.0);
-    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) {
+    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
         uint key = 0u;
         if (in_target(bin, p)) {

@@ -128,15 +128,15 @@ void main() {
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     uint first = batch.slot_first + group * LANES * VERTEX_ROUNDS + lane;
     uint end = batch.slot_first + batch.slot_count; // a multiple of QUAD: quads stay together
-    uint bound_end = 0u; // the first slot that is not the bound piece's
+    uint piece_end = 0u; // the first slot that is not the bound piece's
     [[dont_unroll]] for (uint round = 0u; round < VERTEX_ROUNDS; round++) {
         // Lanes beyond the end bind too: one that is switched off may still make a driver look at whatever
         // table slot it holds.
         uint slot = min(first + round * LANES, end - QUAD + QUAD_LANE);
-        if (slot >= bound_end) {
+        if (slot >= piece_end) {
             uint run = run_of_slot(slot);
-            bound_end = end;
-            if (run + 1u < batch.run_first + batch.run_count) bound_end = pieces[runs[run + 1u]].vertices.z;
+            piece_end = end;
+            if (run + 1u < batch.run_first + batch.run_count) piece_end = pieces[runs[run + 1u]].vertices.z;
             bind(runs[run]);
         }
         if (first + round * LANES >= end) break;

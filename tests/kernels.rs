@@ -39,7 +39,7 @@ fn probe_as_if<I: Pod, O: Pod>(
     let mut source = format!(
         "#version 460
 #extension GL_EXT_control_flow_attributes : require
-{}const uint WIDTH = {width}u;
+{}const uint SUBGROUP_WIDTH = {width}u;
 const bool GREATER = false;\n",
         constants::defines()
     );

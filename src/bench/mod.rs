@@ -51,7 +51,7 @@ pub use report::report;
 pub use rows::{
     Label, SCHEMA_VERSION, add_alone, any_invalid, closing, line, opening, read, row, settings,
 };
-pub use run::{Executors, MOST_ROUNDS, Measurement, Rounds, Settings, Side, measure};
+pub use run::{Executors, MAX_ROUNDS, Measurement, Rounds, Settings, Side, measure};
 pub use scenes::{CROSSOVER, Named, SHEET, find, named};
 pub use stages::{StageTime, Stages};
 pub use table::{Columns, csv_header, csv_line, footer, table};

@@ -7,8 +7,8 @@ use super::{
     alone::Alone,
     limits::Least,
     recipe::Axis,
-    run::{MOST_ROUNDS, Measurement, Rounds, Settings, Side},
-    statistics::{FEWEST, Summary, Verdict, geometric_mean},
+    run::{MAX_ROUNDS, Measurement, Rounds, Settings, Side},
+    statistics::{MIN_SAMPLES, Summary, Verdict, geometric_mean},
     watch::Quiet,
 };
 use crate::image::Extent;
@@ -56,7 +56,7 @@ pub fn settings(settings: &Settings, seed: u64, budget_s: Option<f32>, rows: usi
     json!({
         "rounds": match settings.rounds {
             Some(rounds) => json!(rounds),
-            None => json!([FEWEST, MOST_ROUNDS]),
+            None => json!([MIN_SAMPLES, MAX_ROUNDS]),
         },
         "seconds_of_a_row": settings.budget.as_secs_f64(),
         "warm_up": settings.warm_up,

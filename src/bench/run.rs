@@ -13,7 +13,7 @@ use super::{
     clock::process_cpu_ms,
     counts::Counts,
     stages::{Stages, stages},
-    statistics::{FEWEST, Ratio, Summary, Verdict},
+    statistics::{MIN_SAMPLES, Ratio, Summary, Verdict},
 };
 use crate::{
     classic,
@@ -26,11 +26,11 @@ use crate::{
 use std::time::{Duration, Instant};
 
 /// Rounds after which nothing is gained.
-pub const MOST_ROUNDS: usize = 200;
+pub const MAX_ROUNDS: usize = 200;
 /// Rounds after which a ratio may be sure enough.
 const ENOUGH_ROUNDS: usize = 15;
 /// Width of the ratio's interval that is sure enough, relative to its lower end.
-const SURE: f64 = 0.01;
+const MAX_INTERVAL_WIDTH: f64 = 0.01;
 
 /// The two that compete. They keep their kernels and pipelines from pass to pass.
 pub struct Executors {
@@ -53,7 +53,7 @@ impl Executors {
 /// How a row is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// So many rounds. `None`: at least [`FEWEST`] and at most [`MOST_ROUNDS`], until the ratio is known
+    /// So many rounds. `None`: at least [`MIN_SAMPLES`] and at most [`MAX_ROUNDS`], until the ratio is known
     /// within a hundredth or `budget` has passed.
     pub rounds: Option<usize>,
     /// Frames that each executor draws before the first round: drivers compile kernels at their first use.
@@ -191,12 +191,14 @@ pub(super) fn rounds(
 
 /// The part of the rounds that is done, 1 once there are enough.
 fn done(rounds: usize, elapsed: Duration, budget: Duration, ratio: Option<Ratio>) -> f64 {
-    let sure = |ratio: Ratio| ratio.interval.is_some_and(|[from, to]| to < from * (1.0 + SURE));
-    if rounds >= MOST_ROUNDS || rounds >= ENOUGH_ROUNDS && ratio.is_some_and(sure) {
+    let is_precise = |ratio: Ratio| {
+        ratio.interval.is_some_and(|[from, to]| to < from * (1.0 + MAX_INTERVAL_WIDTH))
+    };
+    if rounds >= MAX_ROUNDS || rounds >= ENOUGH_ROUNDS && ratio.is_some_and(is_precise) {
         return 1.0;
     }
     let used = elapsed.as_secs_f64() / budget.as_secs_f64().max(1e-9);
-    used.min(rounds as f64 / FEWEST as f64)
+    used.min(rounds as f64 / MIN_SAMPLES as f64)
 }
 
 /// The times of one frame.
@@ -260,11 +262,11 @@ mod tests {
         let frame = || Ok(Frame { ms: 1.0, device_ns: 0, cpu_ms: None });
         let found =
             rounds(&settings(None, 0), &mut || frame(), &mut || frame(), &mut |_| {}).unwrap();
-        assert_eq!(found.compute.samples.len(), FEWEST);
+        assert_eq!(found.compute.samples.len(), MIN_SAMPLES);
         let ratio = Ratio { value: 1.0, interval: Some([0.999, 1.001]) };
         let second = Duration::from_secs(1);
         assert!(done(ENOUGH_ROUNDS, Duration::ZERO, second, Some(ratio)) >= 1.0);
         assert!(done(ENOUGH_ROUNDS - 1, Duration::ZERO, second, Some(ratio)) < 1.0);
-        assert!(done(MOST_ROUNDS, Duration::ZERO, second, None) >= 1.0);
+        assert!(done(MAX_ROUNDS, Duration::ZERO, second, None) >= 1.0);
     }
 }

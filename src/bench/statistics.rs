@@ -12,7 +12,7 @@
 pub const FLOOR: f64 = 0.02;
 
 /// Fewest samples that have an interval.
-pub const FEWEST: usize = 6;
+pub const MIN_SAMPLES: usize = 6;
 
 /// The median of `samples` and its 95 % interval; the samples are sorted. `None` of none.
 pub fn median(samples: &mut [f64]) -> Option<f64> {
@@ -25,7 +25,7 @@ pub fn median(samples: &mut [f64]) -> Option<f64> {
     }
 }
 
-/// The 95 % interval of the median; `None` of fewer than [`FEWEST`] samples.
+/// The 95 % interval of the median; `None` of fewer than [`MIN_SAMPLES`] samples.
 pub fn interval(samples: &mut [f64]) -> Option<[f64; 2]> {
     samples.sort_by(f64::total_cmp);
     let rank = rank(samples.len())?;
@@ -179,7 +179,7 @@ mod tests {
         ] {
             assert_eq!(rank(n), expected, "{n}");
         }
-        assert!((0..FEWEST).all(|n| rank(n).is_none()));
+        assert!((0..MIN_SAMPLES).all(|n| rank(n).is_none()));
     }
 
     #[test]

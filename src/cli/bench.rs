@@ -9,8 +9,8 @@ use super::{
     args::{BenchArgs, BenchCompareArgs, BenchShowArgs, BenchVerb},
     device,
     exit::Outcome,
+    messages,
     output::{Output, write_json, write_stdout},
-    talk,
 };
 use crate::{
     bench::{self, Axis, Executors, Rates, Settings, Watch},
@@ -53,10 +53,10 @@ pub fn run(args: &BenchArgs) -> Result<Outcome> {
     let gpu = device::open(&args.device)?;
     device::require_graphics(&gpu)?;
     if let (Some(backend), Some(case)) = (alone::executor(), cases.first()) {
-        return alone::be(&gpu, backend, &case.pass()?);
+        return alone::measure(&gpu, backend, &case.pass()?);
     }
     if let Some(busy) = bench::busy_already() {
-        talk::line(format_args!("warning: {busy}"));
+        messages::line(format_args!("warning: {busy}"));
     }
     let environment = bench::environment(gpu.info(), Rates::measure(&gpu)?);
     let settings = settings(args, ROW_SECONDS);
@@ -91,7 +91,7 @@ fn rows(args: &BenchArgs, gpu: &Gpu, cases: &[Case]) -> Result<Option<Error>> {
     let mut executors = Executors::new(gpu)?;
     let mut watch = Watch::new(gpu)?;
     let started = Instant::now();
-    let bar = talk::progress("measuring", cases.len() as u64 * STEPS);
+    let bar = messages::progress("measuring", cases.len() as u64 * STEPS);
     // The processes of a row take about as long as its rounds.
     let in_here = if args.warm_only { 1.0 } else { 0.5 };
     let mut failed = None;

@@ -4,8 +4,8 @@ use super::{
     args::{ConformShadersArgs, StageArg},
     device,
     exit::Outcome,
+    messages,
     output::{write_json, write_stdout},
-    talk,
 };
 use crate::{
     compute,
@@ -35,7 +35,7 @@ pub fn shaders(args: &ConformShadersArgs) -> Result<Outcome> {
         StageArg::Fragment => Stage::Fragment,
     });
     let options = FileOptions { stage, include: args.include.clone() };
-    let bar = talk::progress("shaders", 0);
+    let bar = messages::progress("shaders", 0);
     let found = conform(
         &args.dir,
         &options,

@@ -3,7 +3,7 @@
 //! The device is said on standard error on every run and stored in every artefact: a picture or a
 //! figure without its device is worth nothing.
 
-use super::{args::DeviceArgs, talk};
+use super::{args::DeviceArgs, messages};
 use crate::{
     error::{Error, Result},
     vk::{DeviceInfo, Gpu, GpuOptions, Require},
@@ -23,7 +23,7 @@ pub fn open(args: &DeviceArgs) -> Result<Gpu> {
     let device = args.device.clone().filter(|selector| !selector.is_empty());
     let timeout = args.timeout.0;
     let gpu = Gpu::open(&GpuOptions { device, require, timeout, ..GpuOptions::default() })?;
-    talk::note(format_args!("device: {}", gpu.info()));
+    messages::note(format_args!("device: {}", gpu.info()));
     Ok(gpu)
 }
 

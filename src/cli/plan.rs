@@ -2,8 +2,8 @@
 
 use super::{
     args::{Backend, ParityArgs, RenderArgs, Vec3, ViewArgs},
+    messages,
     output::Output,
-    talk,
 };
 use crate::{
     error::{Error, Result},
@@ -126,7 +126,7 @@ impl RenderPlan {
         let view =
             View::new(SceneName::new(&args.scene.scene)?, args.scene.size, &args.scene.view)?;
         if args.output.extension().is_some_and(|ending| !ending.eq_ignore_ascii_case("png")) {
-            talk::line(format_args!(
+            messages::line(format_args!(
                 "warning: {} will be a PNG, whatever its name says",
                 args.output.display()
             ));

@@ -41,7 +41,7 @@ use crate::{
     trace::Trace,
     vk::{Cached, Gpu, Resources},
 };
-use kernels::{Kernels, Wanted};
+use kernels::{KernelRequest, Kernels};
 use slots::{TablePool, TableSlots, Tables};
 use std::sync::Arc;
 
@@ -120,11 +120,12 @@ impl Renderer {
         };
         self.kernels.next_pass();
         match shader.stage {
-            Stage::Vertex => self.kernels.make(&[Wanted::Vertex(key)]),
+            Stage::Vertex => self.kernels.make(&[KernelRequest::Vertex(key)]),
             Stage::Fragment => {
                 let format = kernels::color_format(Format::Rgba8Srgb)?;
-                let ordered = Wanted::Ordered(key.clone(), format, depth_mode(&shader.reflection));
-                self.kernels.make(&[Wanted::Shade(key, format), ordered])
+                let ordered =
+                    KernelRequest::Ordered(key.clone(), format, depth_mode(&shader.reflection));
+                self.kernels.make(&[KernelRequest::Shade(key, format), ordered])
             }
         }
     }

@@ -157,8 +157,9 @@ impl Plan {
         let mut pipelines = vec![None; pass.pipelines.len()];
         for draw in &pass.draws {
             let pipeline = &pass.pipelines[draw.pipeline];
-            let ways = *pipelines[draw.pipeline].get_or_insert_with(|| planner.ways(pipeline));
-            planner.draw(draw, ways)?;
+            let info =
+                *pipelines[draw.pipeline].get_or_insert_with(|| planner.pipeline_info(pipeline));
+            planner.draw(draw, info)?;
         }
         planner.close();
         Ok(planner.plan)
@@ -178,7 +179,7 @@ impl Plan {
 
 /// What the planner derives from a pipeline once.
 #[derive(Clone, Copy)]
-struct Ways {
+struct PipelineInfo {
     method: Method,
     vertex_kernel: usize,
     fragment_kernel: usize,
@@ -186,7 +187,7 @@ struct Ways {
 }
 
 /// A batch that still takes pieces. Vertex slots are given out when it closes.
-struct Open {
+struct OpenBatch {
     method: Method,
     piece_first: u32,
     primitives: u32,
@@ -200,7 +201,7 @@ struct Open {
     fragment_kernels: Vec<usize>,
 }
 
-impl Open {
+impl OpenBatch {
     fn new(method: Method, piece_first: u32, kept: (u32, u32)) -> Self {
         Self {
             method,
@@ -241,14 +242,14 @@ struct Planner<'a> {
     slots: &'a mut dyn Slots,
     plan: Plan,
     numbers: Numbers,
-    open: Option<Open>,
+    open: Option<OpenBatch>,
     /// The table that `slots` fills, and the draws that bind something there.
     table: usize,
     in_table: usize,
 }
 
 impl Planner<'_> {
-    fn ways(&mut self, pipeline: &Pipeline) -> Ways {
+    fn pipeline_info(&mut self, pipeline: &Pipeline) -> PipelineInfo {
         // Pipelines that differ in a constant of one stage share the kernel of the other.
         let own = |ids: &[u32]| {
             let all = pipeline.specialization.iter();
@@ -268,7 +269,7 @@ impl Planner<'_> {
             number_of(&mut plan.fragment_kernels, &mut numbers.fragment, fragment);
         let inputs = &pipeline.fragment.reflection.inputs;
         let locations = inputs.iter().map(|v| v.location + 1).max();
-        Ways {
+        PipelineInfo {
             method: method(pipeline, self.pass.depth.is_some(), fragment_kernel),
             vertex_kernel,
             fragment_kernel,
@@ -319,25 +320,25 @@ impl Planner<'_> {
         });
     }
 
-    /// The open batch for `ways`, a new one if the open one is of another kind or full.
-    fn batch(&mut self, ways: Ways) -> &mut Open {
+    /// The open batch for `info`, a new one if the open one is of another kind or full.
+    fn batch(&mut self, info: PipelineInfo) -> &mut OpenBatch {
         let fits = self.open.as_ref().is_some_and(|open| {
-            open.method == ways.method
+            open.method == info.method
                 && open.primitives < self.limit.primitives
-                && (open.fragment_kernels.contains(&ways.fragment_kernel)
+                && (open.fragment_kernels.contains(&info.fragment_kernel)
                     || open.fragment_kernels.len() < abi::MAX_FRAGMENT_KERNELS as usize)
         });
         if !fits {
             self.close();
         }
         let piece_first = self.plan.pieces.len() as u32;
-        self.open.get_or_insert_with(|| Open::new(ways.method, piece_first, (0, 0)))
+        self.open.get_or_insert_with(|| OpenBatch::new(info.method, piece_first, (0, 0)))
     }
 
     /// Opens a batch in which the first `slots` vertex slots of the one before stay in place.
-    fn keep(&mut self, ways: Ways, slots: u32) {
-        let kept = (slots, slots * ways.varying_stride);
-        self.open = Some(Open::new(ways.method, self.plan.pieces.len() as u32, kept));
+    fn keep(&mut self, info: PipelineInfo, slots: u32) {
+        let kept = (slots, slots * info.varying_stride);
+        self.open = Some(OpenBatch::new(info.method, self.plan.pieces.len() as u32, kept));
     }
 
     /// Slots of a shader's resources, the push-constant block last: where they start in the list.

@@ -1,7 +1,7 @@
 //! Storage blocks of a kernel by address instead of by descriptor.
 //!
 //! A kernel names its blocks as any shader does. For drivers that reach memory behind an address better
-//! than storage blocks, this pass rewrites those of set 0 whose parts are loaded, stored and changed by
+//! than storage blocks, this module rewrites those of set 0 whose parts are loaded, stored and changed by
 //! atomics only: their addresses come in one uniform block, and what was a chain from a variable becomes
 //! a chain from a pointer. The engine's own view of the resource table, an array of read-only blocks of
 //! words, becomes an array of addresses in the same way. Blocks whose length is asked for, and what
@@ -63,19 +63,19 @@ pub(super) fn lower(
     has_int64: bool,
 ) -> std::result::Result<Option<Addressed>, String> {
     let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
-    let mut pass = Pass::new(module, has_int64);
-    let mut blocks = pass.blocks();
+    let mut rewriter = Rewriter::new(module, has_int64);
+    let mut blocks = rewriter.blocks();
     if blocks.is_empty() {
         return Ok(None);
     }
-    let bindings = pass.decorations(Decoration::Binding);
+    let bindings = rewriter.decorations(Decoration::Binding);
     let binding = bindings.values().max().map_or(0, |most| most + 1);
-    let addresses = pass.declare(&mut blocks, binding);
-    pass.rewrite(&blocks, addresses);
-    pass.remove(&blocks);
-    let sets = pass.decorations(Decoration::DescriptorSet);
+    let addresses = rewriter.declare(&mut blocks, binding);
+    rewriter.rewrite(&blocks, addresses);
+    rewriter.remove(&blocks);
+    let sets = rewriter.decorations(Decoration::DescriptorSet);
     Ok(Some(Addressed {
-        spirv: pass.module.assemble(),
+        spirv: rewriter.module.assemble(),
         binding,
         blocks: blocks.iter().filter_map(|block| block.binding).collect(),
         table: blocks.iter().any(|block| block.binding.is_none()),
@@ -83,7 +83,7 @@ pub(super) fn lower(
     }))
 }
 
-struct Pass {
+struct Rewriter {
     module: dr::Module,
     /// Types, constants and variables by id.
     globals: HashMap<Word, Instruction>,
@@ -95,13 +95,13 @@ struct Pass {
     pair_types: HashMap<u32, (Word, Word)>,
 }
 
-impl Pass {
+impl Rewriter {
     fn new(module: dr::Module, has_int64: bool) -> Self {
         let globals: HashMap<Word, Instruction> = (module.types_global_values.iter())
             .filter_map(|i| Some((i.result_id?, i.clone())))
             .collect();
         let next = module.all_inst_iter().filter_map(|i| i.result_id).max().unwrap_or(0) + 1;
-        let mut pass = Self {
+        let mut rewriter = Self {
             module,
             globals,
             next,
@@ -111,13 +111,15 @@ impl Pass {
             pair_types: HashMap::new(),
         };
         let operands = [Operand::LiteralBit32(32), Operand::LiteralBit32(0)];
-        let uint =
-            pass.globals.values().find(|i| i.class.opcode == Op::TypeInt && i.operands == operands);
-        pass.uint = match uint.and_then(|i| i.result_id) {
+        let uint = rewriter
+            .globals
+            .values()
+            .find(|i| i.class.opcode == Op::TypeInt && i.operands == operands);
+        rewriter.uint = match uint.and_then(|i| i.result_id) {
             Some(uint) => uint,
-            None => pass.global(Op::TypeInt, None, operands.to_vec()),
+            None => rewriter.global(Op::TypeInt, None, operands.to_vec()),
         };
-        pass
+        rewriter
     }
 
     fn id(&mut self) -> Word {
@@ -358,7 +360,7 @@ impl Pass {
                         let slot = block.table.map(|_| i.operands.remove(1));
                         let address = self.address(block, addresses, slot, &mut uniform, &mut code);
                         i.operands[0] = Operand::IdRef(address);
-                        Pass::block_start(block.ty, block.table.is_some())
+                        Rewriter::block_start(block.ty, block.table.is_some())
                     } else {
                         chains[&base]
                     };
@@ -395,8 +397,8 @@ impl Pass {
         uniform: &mut HashMap<Word, Word>,
         code: &mut Vec<Instruction>,
     ) -> Word {
-        let mut emit = |pass: &mut Self, op, ty, operands| {
-            let id = pass.id();
+        let mut emit = |rewriter: &mut Self, op, ty, operands| {
+            let id = rewriter.id();
             code.push(Instruction::new(op, Some(ty), Some(id), operands));
             id
         };

@@ -4,8 +4,8 @@ use super::{
     super::{
         args::{Backend, BenchArgs, Vec3, ViewArgs},
         exit::Outcome,
+        messages,
         output::write_json,
-        talk,
     },
     cases::Case,
     interrupt,
@@ -33,7 +33,7 @@ pub fn executor() -> Option<Backend> {
 ///
 /// # Errors
 /// Those of the executor.
-pub fn be(gpu: &Gpu, backend: Backend, pass: &Pass) -> Result<Outcome> {
+pub fn measure(gpu: &Gpu, backend: Backend, pass: &Pass) -> Result<Outcome> {
     let found = match backend {
         Backend::Compute => Alone::compute(gpu, pass)?,
         Backend::Classic => Alone::classic(gpu, pass)?,
@@ -47,7 +47,7 @@ pub fn add_to(row: &mut Value, case: &Case, args: &BenchArgs, device: &DeviceInf
     for backend in [Backend::Compute, Backend::Classic] {
         match twice(case, args, device, backend) {
             Ok([first, second]) => bench::add_alone(row, backend.name(), &first, &second),
-            Err(reason) => talk::line(format_args!(
+            Err(reason) => messages::line(format_args!(
                 "warning: {}: no first frame and no memory of {}: {reason}",
                 case.label.name(),
                 backend.name()
@@ -73,7 +73,7 @@ fn twice(
             .arg(case.typed())
             .args(["--size", &case.label.extent.to_string(), "--device", &device.uuid])
             .args(["--seed", &args.seed.to_string()])
-            .args(retyped(&args.view));
+            .args(view_options(&args.view));
         for (axis, value) in &case.label.settings {
             command.arg("--axis").arg(format!("{}={value}", axis.name()));
         }
@@ -90,7 +90,7 @@ fn twice(
 }
 
 /// The options that were typed, for another command line.
-fn retyped(view: &ViewArgs) -> Vec<String> {
+fn view_options(view: &ViewArgs) -> Vec<String> {
     let vector = |Vec3(v): Vec3| format!("{},{},{}", v[0], v[1], v[2]);
     let color = |[r, g, b, a]: [u8; 4]| format!("{r:02x}{g:02x}{b:02x}{a:02x}");
     [
@@ -130,7 +130,7 @@ mod tests {
         ] {
             let line: Vec<String> = line.iter().map(|word| word.to_string()).collect();
             let once = view(&line);
-            assert_eq!(format!("{:?}", view(&retyped(&once))), format!("{once:?}"));
+            assert_eq!(format!("{:?}", view(&view_options(&once))), format!("{once:?}"));
         }
     }
 }

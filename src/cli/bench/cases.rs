@@ -4,7 +4,7 @@ use super::super::{
     args::{BenchArgs, parse_size},
     output::Output,
     plan::{SceneName, View},
-    shot::Shot,
+    scene_view::SceneView,
 };
 use crate::{
     bench::{self, Axis, Label, Named, Recipe},
@@ -28,7 +28,7 @@ pub struct Case {
 
 enum Source {
     Generated(Recipe),
-    Seen(View),
+    Scene(View),
 }
 
 impl Case {
@@ -36,7 +36,7 @@ impl Case {
     pub fn typed(&self) -> OsString {
         match &self.source {
             Source::Generated(_) => self.label.scene.clone().into(),
-            Source::Seen(view) => view.scene.typed(),
+            Source::Scene(view) => view.scene.typed(),
         }
     }
 
@@ -47,7 +47,7 @@ impl Case {
     pub fn keep_from(&self, output: &Output) -> Result<()> {
         match &self.source {
             Source::Generated(_) => Ok(()),
-            Source::Seen(view) => view.scene.keep_from(output),
+            Source::Scene(view) => view.scene.keep_from(output),
         }
     }
 
@@ -58,7 +58,7 @@ impl Case {
     pub fn pass(&self) -> Result<Pass> {
         match &self.source {
             Source::Generated(recipe) => bench::pass(&self.label.name(), recipe, self.label.extent),
-            Source::Seen(view) => Shot::new(view).map(|shot| shot.pass),
+            Source::Scene(view) => SceneView::new(view).map(|scene_view| scene_view.pass),
         }
     }
 }
@@ -136,7 +136,7 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
 /// Leaves the folders of files out of their titles, where these still differ without.
 fn shorten(cases: &mut [Case]) {
     let short = |case: &Case| match &case.source {
-        Source::Seen(View { scene: SceneName::File(path), .. }) => {
+        Source::Scene(View { scene: SceneName::File(path), .. }) => {
             path.file_name().map(|name| name.to_string_lossy().into_owned())
         }
         _ => None,
@@ -185,7 +185,7 @@ fn seen(typed: &OsStr, extent: Extent, args: &BenchArgs) -> Result<Case> {
     let view = View::new(scene, extent, &args.view)?;
     let (scene, title) = (text.clone().into_owned(), text.into_owned());
     let label = Label { scene, title, extent, settings: Vec::new() };
-    Ok(Case { label, alone: true, source: Source::Seen(view) })
+    Ok(Case { label, alone: true, source: Source::Scene(view) })
 }
 
 /// `name=a,b,c`.

@@ -21,7 +21,7 @@ use std::{
 use tempfile::TempDir;
 
 /// What an interrupted run has to end.
-struct Open {
+struct Unfinished {
     results: Option<Results>,
     /// The process that is being waited for.
     child: Option<Child>,
@@ -29,10 +29,11 @@ struct Open {
     folder: Option<TempDir>,
 }
 
-static OPEN: Mutex<Open> = Mutex::new(Open { results: None, child: None, folder: None });
+static UNFINISHED: Mutex<Unfinished> =
+    Mutex::new(Unfinished { results: None, child: None, folder: None });
 
-fn open() -> MutexGuard<'static, Open> {
-    OPEN.lock().unwrap_or_else(PoisonError::into_inner)
+fn unfinished() -> MutexGuard<'static, Unfinished> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// From now on, a signal ends `results`.
@@ -40,7 +41,7 @@ fn open() -> MutexGuard<'static, Open> {
 /// # Errors
 /// [`Error::Io`] if the system does not let signals be taken.
 pub fn watch(results: Results) -> Result<()> {
-    open().results = Some(results);
+    unfinished().results = Some(results);
     let mut signals = Signals::new([SIGINT, SIGTERM])
         .map_err(|source| Error::Io { path: "taking signals".into(), source })?;
     std::thread::spawn(move || {
@@ -53,19 +54,19 @@ pub fn watch(results: Results) -> Result<()> {
 
 fn end(signal: i32) {
     // Held until the process is gone: no row is written behind the end.
-    let mut open = open();
-    if let Some(child) = &mut open.child {
+    let mut unfinished = unfinished();
+    if let Some(child) = &mut unfinished.child {
         // A process that has ended meanwhile cannot be killed, and need not be.
         let _ = child.kill();
         let _ = child.wait();
     }
-    open.folder = None;
-    let said = match open.results.as_mut().map(Results::interrupted) {
+    unfinished.folder = None;
+    let said = match unfinished.results.as_mut().map(Results::interrupted) {
         Some(Ok(said)) => said,
         Some(Err(error)) => error.to_string(),
         None => "interrupted".into(),
     };
-    super::talk::line(format_args!("tilewright: {said}"));
+    super::messages::line(format_args!("tilewright: {said}"));
     let _ = emulate_default_handler(signal);
 }
 
@@ -74,7 +75,7 @@ fn end(signal: i32) {
 /// # Errors
 /// Those of `what`.
 pub fn with<R>(what: impl FnOnce(&mut Results) -> Result<R>) -> Result<R> {
-    match open().results.as_mut() {
+    match unfinished().results.as_mut() {
         Some(results) => what(results),
         None => Err(Error::Usage("no results were begun".into())),
     }
@@ -88,12 +89,12 @@ pub fn output(command: &mut Command) -> io::Result<Output> {
     let mut child =
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
     let (out, err) = (child.stdout.take(), child.stderr.take());
-    open().child = Some(child);
+    unfinished().child = Some(child);
     // Both at once: a child may block on either.
     let stderr = std::thread::spawn(move || drained(err));
     let stdout = drained(out);
     let stderr = stderr.join().unwrap_or_else(|_| Ok(Vec::new()));
-    let child = open().child.take();
+    let child = unfinished().child.take();
     let mut child = child.ok_or_else(|| io::Error::other("the process is gone"))?;
     Ok(Output { status: child.wait()?, stdout: stdout?, stderr: stderr? })
 }
@@ -117,7 +118,7 @@ impl Folder {
     pub fn new() -> io::Result<Self> {
         let folder = tempfile::tempdir()?;
         let path = folder.path().to_path_buf();
-        open().folder = Some(folder);
+        unfinished().folder = Some(folder);
         Ok(Self(path))
     }
 
@@ -129,6 +130,6 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        open().folder = None;
+        unfinished().folder = None;
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{
     super::{
+        messages,
         output::{Output, write_stdout},
-        talk,
     },
     cases::Case,
 };
@@ -125,7 +125,7 @@ impl Results {
     }
 
     fn write(&self, text: &str) -> Result<()> {
-        talk::around(|| write_stdout(text.as_bytes()))
+        messages::around(|| write_stdout(text.as_bytes()))
     }
 
     fn write_report(&self) -> Result<()> {

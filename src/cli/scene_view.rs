@@ -1,8 +1,8 @@
 //! From what is to be seen to a [`Pass`]: the scene is read, the camera found, the draws recorded.
 
 use super::{
+    messages,
     plan::{CameraChoice, SceneName, View},
-    talk,
 };
 use crate::{
     error::{Error, Result},
@@ -19,7 +19,7 @@ const DEFAULT_FOV: f64 = 45.0;
 const LISTED: usize = 20;
 
 /// A scene as one camera sees it.
-pub struct Shot {
+pub struct SceneView {
     /// The scene.
     pub scene: Scene,
     /// Its draws.
@@ -28,21 +28,21 @@ pub struct Shot {
     translucent: bool,
 }
 
-impl Shot {
+impl SceneView {
     /// Reads the scene and records its pass; warnings are said on standard error.
     ///
     /// # Errors
     /// Those of [`Scene`]; [`Error::Usage`] for a camera that the scene does not have.
     pub fn new(view: &View) -> Result<Self> {
         let scene = {
-            let _working = talk::working_on(format_args!("reading {}", view.scene));
+            let _working = messages::working_on(format_args!("reading {}", view.scene));
             match &view.scene {
                 SceneName::Builtin(name) => Scene::builtin(name)?,
                 SceneName::File(path) => Scene::load(path, &LoadOptions { time: view.time })?,
             }
         };
         for warning in scene.warnings() {
-            talk::line(format_args!("warning: {warning}"));
+            messages::line(format_args!("warning: {warning}"));
         }
         let camera = camera(&scene, view)?;
         let mut options =
@@ -54,7 +54,7 @@ impl Shot {
         }
         let pass = scene.pass(view.extent, &camera, &options)?;
         if pass.draws.is_empty() && scene.triangles() > 0 {
-            talk::line("warning: the camera sees nothing of the scene");
+            messages::line("warning: the camera sees nothing of the scene");
         }
         Ok(Self { scene, pass, translucent })
     }
