@@ -1,15 +1,15 @@
-// Binning, second step: turns the cells' counts into the places of their lists, and finds the bins
+// Binning, second step: turns the cells' counts into the positions of their lists, and finds the bins
 // that have any work.
 //
 // Reads: counts of the cells.
-// Writes: `cell_ends`, where scatter will count each list's end up from its beginning; the non-empty
-// bins in row order; the arguments of the dispatches over them.
+// Writes: `cell_ends`, which holds the beginning of each list until scatter counts it up to the end; the
+// non-empty bins in row order; the arguments of the dispatches over these bins.
 // Contract: lists follow each other in cell order without gaps; a bin is listed exactly if it or a
 // coarser cell around it has an entry.
 // Kernel / Twin: src/compute/binning.rs, src/reference/binning.rs.
 //
-// One subgroup walks all cells: 9,000 at 1920x1080, and a scan over workgroups would cost more in
-// dispatches than this does in all.
+// One subgroup walks all cells, 9,000 of them at 1920x1080. A scan over workgroups would take several
+// dispatches, which alone would cost more than this kernel.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_arithmetic : require

@@ -1,12 +1,13 @@
-// Binning, last step for order-dependent work: sorts the list of each cell by key, that is in API
+// Binning, last step, for order-dependent work only: sorts the list of each cell by key, which is API
 // order.
 //
 // Reads and writes: the lists. Reads: `cell_ends`.
-// Contract: each list is ascending; its entries are the ones it had.
+// Contract: each list is ascending and keeps its entries.
 // Kernel / Twin: src/compute/binning.rs, src/reference/binning.rs.
 //
-// One subgroup is one workgroup is one cell. Batcher's merge network with every comparison
-// ascending, so that the missing entries of a list that is no power of two are simply not compared.
+// Each workgroup is one subgroup and sorts one cell's list. It uses Batcher's merge network with every
+// comparison ascending: if the length of a list is no power of two, comparisons with entries beyond its
+// end are left out.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
 #include "abi.glsl"

@@ -1,11 +1,11 @@
-//! One error type for the library; its variants are what a caller can do something about.
+//! The library's one error type. Its variants differ in what the caller can do about the error.
 
 use std::path::PathBuf;
 
 /// The result of every fallible operation of the library.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What went wrong, grouped by what the caller can do about it.
+/// A fault, grouped by what the caller can do about it.
 ///
 /// Messages say what failed, on which device or in which file, the limit and the wanted value, and
 /// what to do next. The command-line tool maps each variant to one exit code.

@@ -1,5 +1,5 @@
-//! Does what executors keep from pass to pass stay bounded, and is nothing made twice? Each pass here wraps
-//! its shaders, textures and buffers anew, as programs do that build a frame from scratch.
+//! Do executors keep a bounded number of objects from pass to pass, and make nothing twice? Each pass here makes
+//! its shaders, textures and buffers anew, as a program does that builds each frame from scratch.
 
 use crate::common::on_each_gpu;
 use std::sync::Arc;

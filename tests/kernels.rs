@@ -1,5 +1,5 @@
 //! Is this GLSL function right? A probe kernel runs one function of `glsl/lib` over many inputs, on
-//! every driver, and Rust says what it should have returned.
+//! every driver, and Rust code computes the right result.
 
 use crate::common::{kernel_spirv, on_each_gpu, random::Random};
 use bytemuck::Pod;

@@ -1,5 +1,5 @@
-//! Is anything too much? Passes that bind more than a resource table holds, and buffers longer than one
-//! binding reaches, give the picture that small ones give.
+//! Is anything too much? Passes that bind more than a resource table holds, and buffers longer than one binding
+//! reaches, give the same picture as small ones.
 
 use crate::common::{self, on_each_gpu, open_with, random::Random};
 use std::sync::Arc;

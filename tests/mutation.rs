@@ -1,5 +1,5 @@
-//! Does a damaged module crash anything? Words of valid modules are changed at random. What the validator
-//! lets through is drawn: the result is an error or a picture, and the process lives.
+//! Does a damaged module crash anything? Words of valid modules are changed at random. Modules that the validator
+//! still accepts are drawn: the result is an error or a picture, and the process lives.
 //!
 //! `MUTATIONS=20000 MUTATION_SEED=1` asks for more of them, from another seed.
 

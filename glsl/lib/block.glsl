@@ -1,5 +1,5 @@
 // Blocks: the parts of a bin that raster tests against a triangle at once, and bounds of depth in them.
-// What includes this defines SUBGROUP_WIDTH, the subgroup's, and GREATER, whether the greater depth is nearer.
+// The file that includes this one defines SUBGROUP_WIDTH, and GREATER: whether the greater depth is nearer.
 #ifndef BLOCK_GLSL
 #define BLOCK_GLSL
 #include "lib/patch.glsl"

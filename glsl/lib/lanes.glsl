@@ -1,13 +1,13 @@
-// Sets of lanes, as ballots give them. What includes this defines SUBGROUP_WIDTH, the subgroup's; all of its lanes
-// call these together. A set of 32 lanes or fewer is in the first word, and the others cost nothing.
+// Sets of lanes, as ballots give them. The file that includes this one defines SUBGROUP_WIDTH. All lanes of the
+// subgroup call these functions together. A set of 32 lanes or fewer is in the first word; the others cost nothing.
 #ifndef LANES_GLSL
 #define LANES_GLSL
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 
-// The lanes where `own` holds. Subgroups as narrow as CPUs' are drivers' loops over their lanes, to which
-// a ballot is one more; shuffles are instructions there too.
+// The lanes in which `own` is true. Subgroups of 8 lanes or fewer are CPUs', whose drivers make a ballot a loop over
+// the lanes; a shuffle is a few instructions there.
 uvec4 lanes_where(const bool own) {
     if (SUBGROUP_WIDTH > 8u) return subgroupBallot(own);
     uint lanes = own ? 1u << gl_SubgroupInvocationID : 0u;
@@ -38,7 +38,7 @@ bool has_lane(const uvec4 lanes, const uint lane) {
     return SUBGROUP_WIDTH > 32u ? subgroupBallotBitExtract(lanes, lane) : (lanes.x >> lane & 1u) != 0u;
 }
 
-// The greatest and the least value that any lane has.
+// The greatest value of all lanes, and the least.
 float lanes_max(float value) {
     if (SUBGROUP_WIDTH > 8u) return subgroupMax(value);
     [[unroll]] for (uint step = 1u; step < min(SUBGROUP_WIDTH, 8u); step <<= 1) value = max(value, subgroupShuffleXor(value, step));

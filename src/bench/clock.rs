@@ -1,4 +1,4 @@
-//! What the system tells of the running process.
+//! Times and memory of the running process, as the system reports them.
 
 use std::fs;
 
@@ -42,7 +42,7 @@ pub struct Processors {
 }
 
 impl Processors {
-    /// Fewest ticks that say something: a tick is mostly a hundredth of a second.
+    /// Fewest ticks that a statement needs: a tick is usually a hundredth of a second.
     const MIN_TICKS: u64 = 20;
 
     /// Until now; `None` where the system does not say.

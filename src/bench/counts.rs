@@ -1,4 +1,4 @@
-//! What a pass consists of, as the planner sees it.
+//! Counts the parts of a pass as the planner sees them.
 
 use crate::{
     error::Result,
@@ -8,7 +8,7 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// Pipeline statistics, the same for both executors but for what is compute's alone.
+/// Pipeline statistics. They hold for both executors, except for those that begin with "Compute".
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Primitives of all draws, instances included.

@@ -1,4 +1,4 @@
-//! What a generated scene is made of, and the axes along which that varies.
+//! The recipe of a generated scene, and the axes along which recipes vary.
 
 use crate::{image::Extent, random::Random};
 
@@ -12,7 +12,7 @@ pub const MOST_OF_A_BALL: u32 = 1 << 26;
 /// The geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// Layers of triangles of one size, upright before the viewer: what axes are measured on.
+    /// Layers of triangles of one size, upright before the viewer. Axes vary this shape.
     Sheet,
     /// A hall with pillars, seen from inside: few triangles, large on the screen.
     Hall,
@@ -31,7 +31,7 @@ pub enum Shape {
 /// Which of overlapping things is drawn first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// The nearest: what is hidden could be known early.
+    /// The nearest: hidden pixels could be rejected early.
     Near,
     /// The farthest: everything is overdrawn.
     Far,
@@ -39,7 +39,7 @@ pub enum Order {
     Random,
 }
 
-/// All that decides a generated scene, beside the size of the picture.
+/// Everything that decides a generated scene, except for the size of the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recipe {
     /// The geometry.

@@ -1,4 +1,4 @@
-//! Results as JSON: what every output of the benchmark is made from.
+//! Results as JSON. Every output of the benchmark is made from them.
 //!
 //! The text of the JSON has a line for each row, and lines are written as rows are measured. So a run that
 //! is killed leaves a file whose end is missing and whose rows are whole: [`read`] takes it.
@@ -14,14 +14,14 @@ use super::{
 use crate::image::Extent;
 use serde_json::{Map, Value, json};
 
-/// Of the whole object; grows when a key changes its meaning. Version 1 had no samples, no settings, no
+/// Version of the whole object; it grows when a key changes its meaning. Version 1 had no samples, no settings, no
 /// `quiet` and no `changing`.
 pub const SCHEMA_VERSION: u32 = 2;
 
 /// The line behind which the rows stand.
 const ROWS: &str = "\"rows\": [";
 
-/// What a row is of.
+/// The scene, the size and the settings of a row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
     /// The scene as it was typed.
@@ -30,7 +30,7 @@ pub struct Label {
     pub title: String,
     /// Size of the picture.
     pub extent: Extent,
-    /// What was set along which axis.
+    /// The axes that were set, with their values.
     pub settings: Vec<(Axis, String)>,
 }
 
@@ -189,7 +189,7 @@ pub fn line(row: &Value, first: bool) -> String {
     format!("{}{row}\n", if first { "" } else { "," })
 }
 
-/// The text behind the last row. `skipped` names what was not measured and why; `complete` is whether the
+/// The text behind the last row. `skipped` names the rows that were not measured, and why; `complete` is whether the
 /// run came to its end.
 pub fn closing(rows: &[Value], skipped: &[Value], complete: bool) -> String {
     let mut text = String::from("]");

@@ -1,8 +1,8 @@
 //! The same [`Pass`] through the device's own graphics pipeline: the opponent and the parity oracle.
 //!
 //! It takes the very SPIR-V that the user brought, and sets the state that the pass describes,
-//! one `vkCmdDraw` for each draw. Nothing is clever here on purpose: what it draws is what any Vulkan
-//! program would draw.
+//! one `vkCmdDraw` for each draw. Nothing is clever here on purpose: it draws as any Vulkan program
+//! would.
 //!
 //! | file | concept |
 //! |---|---|
@@ -61,7 +61,7 @@ impl Renderer {
         })
     }
 
-    /// What is kept for the passes to come.
+    /// Counts of the objects that are kept for later passes.
     pub fn cached(&self) -> Cached {
         Cached {
             pipelines: self.pipelines.len(),
@@ -89,7 +89,7 @@ impl Renderer {
         prepared.record(&self.gpu, &mut self.resources, pass, &compiled)
     }
 
-    /// The pipelines of `pass`; what no pass uses any more is forgotten.
+    /// The pipelines of `pass`. Pipelines that no pass uses any more are dropped.
     fn compiled(&mut self, pass: &Pass) -> Result<Vec<Arc<Compiled>>> {
         self.resources.trim();
         self.pipelines.next_pass(|compiled| Arc::strong_count(compiled) > 1);

@@ -1,7 +1,7 @@
-//! What was typed: the command line as clap reads it, and the help it shows.
+//! The command line as clap parses it, and the help that it shows.
 //!
-//! Nothing here decides anything: values are parsed one by one, each with a message that says what
-//! is expected. What they mean together is the second layer's business ([`super::plan`]).
+//! This layer parses the values one by one; the message for a bad value says what is expected. The second
+//! layer ([`super::plan`]) decides what the values mean together.
 
 mod bench;
 
@@ -259,7 +259,7 @@ pub struct ViewArgs {
     pub time: Option<f64>,
 }
 
-/// Which device. There is no fall-back: what is asked for is used, or the run ends with code 3.
+/// Which device to use. There is no fall-back: if the requested device cannot be used, the run ends with code 3.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Device")]
 pub struct DeviceArgs {

@@ -1,4 +1,4 @@
-//! `tilewright bench`: which of the two draws a pass faster.
+//! `tilewright bench`: measures which of the two executors draws a pass faster.
 
 mod alone;
 mod cases;
@@ -85,8 +85,8 @@ fn settings(args: &BenchArgs, seconds: f64) -> Settings {
     }
 }
 
-/// Measures the cases one by one and hands each row on. Returns the first fault of a case: the rows that
-/// were measured are no worse for it.
+/// Measures the cases one by one and hands each row on. A case that fails does not stop the others; the first
+/// fault is returned at the end.
 fn rows(args: &BenchArgs, gpu: &Gpu, cases: &[Case]) -> Result<Option<Error>> {
     let mut executors = Executors::new(gpu)?;
     let mut watch = Watch::new(gpu)?;
@@ -176,8 +176,7 @@ fn show(args: &BenchShowArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Prints what changed between two results. It is no failure if something became slower: whoever asks
-/// reads the verdicts.
+/// Prints the changes between two results. A slower row is no failure: the user reads the verdicts.
 fn compare(args: &BenchCompareArgs) -> Result<Outcome> {
     let diff = bench::diff(&read(&args.before)?, &read(&args.after)?);
     if args.json {

@@ -1,7 +1,7 @@
-//! Opening the device that was asked for, and saying which one it is.
+//! Opens the requested device and names it.
 //!
-//! The device is said on standard error on every run and stored in every artefact: a picture or a
-//! figure without its device is worth nothing.
+//! Every run names its device on standard error, and every file that the tool writes names it too: a picture
+//! or a figure is worth nothing without its device.
 
 use super::{args::DeviceArgs, messages};
 use crate::{
@@ -10,7 +10,7 @@ use crate::{
 };
 use serde_json::{Value, json};
 
-/// Opens the device and says which one it is.
+/// Opens the device and names it on standard error.
 ///
 /// # Errors
 /// As [`Gpu::open`].

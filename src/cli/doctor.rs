@@ -1,4 +1,4 @@
-//! `tilewright doctor`: what is there, what is missing, and the exact fix.
+//! `tilewright doctor`: reports which parts of Vulkan are installed and which are missing, with the exact fix.
 
 use super::{
     args::JsonArgs,

@@ -1,4 +1,4 @@
-//! What will be done: the typed values made sense of together, before any device is touched.
+//! The work to do: checks the typed values together, before any device is touched.
 
 use super::{
     args::{Backend, ParityArgs, RenderArgs, Vec3, ViewArgs},
@@ -18,7 +18,7 @@ use std::{
 /// Which scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SceneName {
-    /// One that the tool brings along.
+    /// A built-in scene.
     Builtin(String),
     /// A file that exists.
     File(PathBuf),
@@ -34,7 +34,7 @@ impl std::fmt::Display for SceneName {
 }
 
 impl SceneName {
-    /// Without the folder, and the same for all paths to one file.
+    /// The name without the folder; all paths to one file give the same name.
     pub fn title(&self) -> String {
         match self {
             SceneName::Builtin(_) => self.to_string(),
@@ -44,7 +44,7 @@ impl SceneName {
         }
     }
 
-    /// As it can be typed again.
+    /// The scene as a user types it.
     pub fn typed(&self) -> OsString {
         match self {
             SceneName::Builtin(_) => self.to_string().into(),
@@ -53,7 +53,7 @@ impl SceneName {
     }
 }
 
-/// From where the scene is seen.
+/// The camera that the scene is seen by.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraChoice {
     /// The file's first camera, or one that frames the scene.

@@ -64,7 +64,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Draws the scene_view; the clock separates what is done once from what every frame costs.
+/// Draws the view of the scene. The clock separates the work that is done once from the cost of each frame.
 fn draw(
     gpu: &Gpu,
     backend: Backend,
@@ -101,7 +101,7 @@ fn is_one_color(color: &Image) -> bool {
     color.bytes.chunks(size).all(|pixel| *pixel == color.bytes[..size])
 }
 
-/// Whether every pixel is as it was before the first draw: one colour, and nothing before the far plane.
+/// Whether every pixel is as the clear left it: one colour, and no depth in front of the far plane.
 fn is_blank(frame: &Frame) -> bool {
     let far = 1f32.to_ne_bytes();
     let depth = frame.depth.as_ref();

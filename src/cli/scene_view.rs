@@ -1,4 +1,4 @@
-//! From what is to be seen to a [`Pass`]: the scene is read, the camera found, the draws recorded.
+//! Makes a [`Pass`] of a scene and a camera: reads the scene, finds the camera, records the draws.
 
 use super::{
     messages,
@@ -24,12 +24,12 @@ pub struct SceneView {
     pub scene: Scene,
     /// Its draws.
     pub pass: Pass,
-    /// Whether something behind the scene shows through: its picture is premultiplied then.
+    /// Whether the background is translucent. The drawn picture is then premultiplied by alpha.
     translucent: bool,
 }
 
 impl SceneView {
-    /// Reads the scene and records its pass; warnings are said on standard error.
+    /// Reads the scene and records its pass. Warnings go to standard error.
     ///
     /// # Errors
     /// Those of [`Scene`]; [`Error::Usage`] for a camera that the scene does not have.
@@ -49,7 +49,7 @@ impl SceneView {
             PassOptions { background: view.background.map(linear), ..Default::default() };
         let translucent = view.background.is_some_and(|[.., alpha]| alpha < 255);
         if translucent {
-            // What is divided by alpha later needs more than 8 bits.
+            // The colours are divided by alpha later, which needs more than 8 bits.
             options.format = Format::Rgba16Float;
         }
         let pass = scene.pass(view.extent, &camera, &options)?;

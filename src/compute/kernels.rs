@@ -1,4 +1,4 @@
-//! The engine's kernels on one device, and users' shaders spliced into them, each made once.
+//! Makes the engine's kernels on one device, also with users' shaders spliced in. Each is made once.
 
 use super::vertex;
 use crate::{
@@ -17,7 +17,7 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-/// A kernel that is made when a pass wants it.
+/// A kernel that is made when the first pass needs it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum KernelRequest {
     /// Raster with a depth comparison.
@@ -104,7 +104,7 @@ impl Kernels {
         (self.made.len(), self.made.made())
     }
 
-    /// The kernels of `plan` for a colour format, those that are missing made.
+    /// The kernels of `plan` for a colour format. Missing ones are made.
     ///
     /// # Errors
     /// As [`Kernels::make`].
@@ -136,7 +136,7 @@ impl Kernels {
         })
     }
 
-    /// Makes those of `wanted` that are not there yet, as many at a time as the machine has cores:
+    /// Makes the kernels of `wanted` that do not exist yet, as many at a time as the machine has cores:
     /// drivers take tens of milliseconds for each.
     ///
     /// # Errors
@@ -162,7 +162,7 @@ impl Kernels {
         let width = self.width;
         let (stage, words, key, constants) = match wanted {
             KernelRequest::Raster(compare) => {
-                // To a CPU, shared memory is nothing special, and the driver does not read it by
+                // Shared memory has no advantage on a CPU, and the driver does not access it by
                 // address.
                 let in_place = self.gpu.reads_by_address().into();
                 let constants = [

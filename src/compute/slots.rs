@@ -15,8 +15,8 @@ const PUSH_ALIGNMENT: usize = 256;
 /// Bytes of a buffer of push-constant blocks, if one block is not more.
 const PUSH_BYTES: usize = 1 << 20;
 
-/// Resource tables, kept from pass to pass: to make one costs as much as to fill a table with thousands of
-/// resources, whatever the pass needs of it.
+/// Resource tables, kept from pass to pass: making a table costs as much as filling it with thousands of
+/// resources, however few a pass needs.
 ///
 /// A table is used again once no recording has it bound, and goes by the rule of [`crate::kept`].
 pub struct TablePool {
@@ -128,7 +128,7 @@ impl<'a> TableSlots<'a> {
         Ok(slots?.first().copied().unwrap_or(0))
     }
 
-    /// The slot of a resource; `block` is the bytes of the block that it is, if it is one.
+    /// The slot of a resource. If it is a block, `block` is its size in bytes.
     fn insert(&mut self, binding: &Binding, block: u32) -> Result<u32> {
         match binding {
             Binding::Uniform(range) => {

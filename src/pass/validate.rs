@@ -1,5 +1,5 @@
-//! Whether a pass makes sense: the one check that all executors share, so that all of them refuse the
-//! same input with the same words, and none of them ever reads outside a buffer.
+//! Checks whether a pass is valid. All executors share this check, so that they refuse the same input with the
+//! same words and never read outside a buffer.
 
 mod pipeline;
 
@@ -27,8 +27,8 @@ const BLOCK_ALIGNMENT: usize = 256;
 type Fault = std::result::Result<(), String>;
 
 impl Pass {
-    /// Checks that the pass makes sense: extents, ranges inside their buffers, alignments, every
-    /// resource of every shader bound to something of its kind, every vertex that is read there.
+    /// Checks that the pass is valid: extents, ranges inside their buffers, alignments, a binding of the
+    /// right kind for every resource of every shader, every vertex that is read inside its buffer.
     ///
     /// Executors call it; there is no need to.
     ///
@@ -79,9 +79,9 @@ impl Pass {
     }
 }
 
-/// What was found good before, so that thousands of draws that share it are checked quickly. A key holds
-/// everything that its verdict depends on. Addresses stand for what lies there: the pass does not change
-/// while it is checked.
+/// The sets and textures that were found valid before, so that thousands of draws that share them are checked
+/// quickly. A key holds everything that its verdict depends on. The address of an object stands for its
+/// content: the pass does not change while it is checked.
 struct Verified<'r> {
     ranges: &'r mut IndexRanges,
     /// Pipeline, number of the set, set: the set binds all that the pipeline's shaders declare under this

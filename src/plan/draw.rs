@@ -1,4 +1,4 @@
-//! One draw becomes pieces.
+//! Cuts one draw into pieces.
 
 use super::{PipelineInfo, Planner};
 use crate::{
@@ -101,9 +101,10 @@ impl Planner<'_> {
         Ok(())
     }
 
-    /// The piece and the vertex slots of all of a draw that needs several batches, if its vertices fit
-    /// one: they are then shaded in its first batch, which is begun for it, and stay in place for the
-    /// others. Indices of scanned meshes jump about, so that each batch would shade most vertices again.
+    /// The piece and the vertex slots of a whole draw, if the draw needs several batches and its vertices fit
+    /// one. Then a new batch is begun, which shades all vertices, and they stay in place for the following
+    /// batches. The indices of scanned meshes jump about, so that otherwise each batch would shade most of the
+    /// vertices again.
     fn shared(
         &mut self,
         draw: &Draw,

@@ -1,4 +1,4 @@
-//! From what loaders and built-in shapes describe to a [`Scene`] that makes passes.
+//! Makes a [`Scene`] of the parts, nodes and materials that loaders and built-in shapes describe.
 
 use super::{
     Scene,

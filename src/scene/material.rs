@@ -7,7 +7,7 @@ use crate::{
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// What the alpha of the base colour means.
+/// The meaning of the base colour's alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) enum AlphaMode {
     /// Nothing.

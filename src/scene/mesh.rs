@@ -1,7 +1,7 @@
-//! Triangles while they are still being worked on: what loaders and built-in shapes produce.
+//! Triangles that are still being worked on. Loaders and built-in shapes produce them.
 //!
-//! A [`Mesh`] is on its way to a [`Part`](super::build::Part): missing normals and tangents are
-//! made here, so that shaders never have to guess.
+//! A [`Mesh`] becomes a [`Part`](super::build::Part) later. Missing normals and tangents are made here, so that
+//! shaders never have to guess.
 
 use super::{anchor::Anchor, bounds::Bounds, hash::BitMap};
 use crate::state::Topology;

@@ -1,8 +1,8 @@
-//! SPIR-V modules as data: reading them, and finding one's way in them.
+//! SPIR-V modules as data: reads them and looks things up in them.
 //!
-//! Words become `rspirv`'s data representation. What has no bearing on the result is dropped while
+//! Words become `rspirv`'s data representation. Instructions that do not affect the result are dropped while
 //! reading: source text, line numbers, and the `NonSemantic` instruction sets (debug information,
-//! `debugPrintfEXT`), which by their definition may be.
+//! `debugPrintfEXT`), whose definition allows dropping them.
 //!
 //! A module comes from anywhere, so nothing here trusts it: an id that is not defined is a refusal,
 //! not a panic. Refusals inside `shader` are sentences without the shader's name, which the public

@@ -1,16 +1,16 @@
 //! Storage blocks of a kernel by address instead of by descriptor.
 //!
-//! A kernel names its blocks as any shader does. For drivers that reach memory behind an address better
-//! than storage blocks, this module rewrites those of set 0 whose parts are loaded, stored and changed by
-//! atomics only: their addresses come in one uniform block, and what was a chain from a variable becomes
-//! a chain from a pointer. The engine's own view of the resource table, an array of read-only blocks of
-//! words, becomes an array of addresses in the same way. Blocks whose length is asked for, and what
-//! users' shaders see of the table, stay as they are.
+//! A kernel declares its blocks as any shader does. Some drivers access memory by address faster than storage
+//! blocks. For these drivers, this module rewrites the blocks of set 0 that are only loaded, stored and
+//! changed by atomics: a uniform block holds their addresses, and an access chain that began at a variable
+//! begins at a pointer. The engine's own view of the resource table is an array of read-only blocks of words;
+//! it becomes an array of addresses in the same way. A block whose length the kernel asks for stays as it is,
+//! and so does the users' shaders' view of the table.
 //!
-//! Lavapipe is such a driver. It reads a storage block lane by lane, each with its own descriptor, check
-//! of bounds and branches: for eight lanes about 90 instructions in 24 basic blocks, which is both the
-//! time that kernels take and the time that it takes to compile them. What lies behind an address, it
-//! reads with one gather, and two words at once with one as well (`pairs.rs`).
+//! Lavapipe is such a driver. It reads a storage block lane by lane, and each lane has its own descriptor,
+//! check of bounds and branches. For eight lanes these are about 90 instructions in 24 basic blocks, which
+//! make kernels slow to run and slow to compile. It reads memory by address with one gather, also two words
+//! at once (`pairs.rs`).
 
 mod pairs;
 
@@ -24,7 +24,7 @@ use rspirv::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// A kernel of which blocks were replaced by addresses.
+/// A kernel whose blocks were replaced by addresses.
 pub(super) struct Addressed {
     /// The new module.
     pub spirv: Vec<u32>,
@@ -49,15 +49,15 @@ struct Block {
     pointer: Word,
     /// Number in the block of addresses.
     member: Word,
-    /// Of the table: pointer to its addresses, and to one of them.
+    /// The table only: the types of a pointer to all its addresses and of a pointer to one of them.
     table: Option<(Word, Word)>,
 }
 
 /// Bytes of an address.
 const ADDRESS_BYTES: u32 = 8;
 
-/// Replaces the blocks of a kernel that can be; nothing if it has none. `has_int64` says whether the device
-/// has 64-bit integers.
+/// Replaces all blocks of a kernel that can be replaced; returns `None` if there are none. `has_int64` says
+/// whether the device has 64-bit integers.
 pub(super) fn lower(
     words: &[u32],
     has_int64: bool,
@@ -83,6 +83,7 @@ pub(super) fn lower(
     }))
 }
 
+/// Rewrites one module.
 struct Rewriter {
     module: dr::Module,
     /// Types, constants and variables by id.

@@ -43,8 +43,8 @@ pub struct GpuOptions {
     pub cache: Option<PathBuf>,
     /// Size of the resource table.
     pub table: TableSizes,
-    /// Lets kernels reach buffers by address where the driver is faster so. The validation layer does not
-    /// see what is reached by address when it looks for missing barriers.
+    /// Lets kernels reach buffers by address if that is faster on this driver. The validation layer does not
+    /// see accesses by address when it looks for missing barriers.
     pub by_address: bool,
 }
 
@@ -72,7 +72,7 @@ impl Default for GpuOptions {
 #[derive(Clone)]
 pub struct Gpu(pub(crate) Arc<Shared>);
 
-/// What all handles share. Fields that need the device are destroyed in `drop`, in order.
+/// The state that all handles share. `drop` destroys the fields that need the device, in order.
 pub(crate) struct Shared {
     pub device: ash::Device,
     /// Which of the devices that this program opened it is, from 1: one device may be opened twice.
@@ -100,13 +100,13 @@ pub(crate) struct Shared {
     pub table_layout: vk::DescriptorSetLayout,
     pub table_sizes: TableSizes,
     pub(super) samplers: Mutex<HashMap<SamplerKey, vk::Sampler>>,
-    /// What free slots of resource tables show, as long as there is a table.
+    /// The contents of free slots of resource tables, as long as there is a table.
     pub(super) placeholders: Mutex<Weak<Placeholders>>,
     /// Set once the device was lost or did not answer: nothing is waited for any more.
     pub lost: AtomicBool,
     /// Whose turn it is, see `access.rs`.
     pub(super) turn: RwLock<()>,
-    /// What the next wait fails with.
+    /// The error that the next wait fails with, for tests.
     #[cfg(test)]
     pub(super) next_wait: Mutex<Option<vk::Result>>,
     allocator: Mutex<Option<Allocator>>,
@@ -232,7 +232,7 @@ impl Gpu {
         self.0.graphics
     }
 
-    /// Whether the host sees the device's memory, so that a copy for it would be a waste.
+    /// Whether the host sees the device's memory, so that it needs no copies.
     pub fn has_unified_memory(&self) -> bool {
         self.0.unified_memory
     }

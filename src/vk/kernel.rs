@@ -1,4 +1,4 @@
-//! Kernels: SPIR-V, what it binds by name, and the pipeline.
+//! Kernels: SPIR-V, the names that it binds, and the pipeline.
 
 use super::{
     address,
@@ -64,9 +64,9 @@ impl Kernel {
         Self::make(gpu, info, false)
     }
 
-    /// As [`Kernel::new`], of a module that keeps to the bounds of its own buffers: an engine's kernel, also
-    /// with a user's shader in it, which sees the resource table alone. It reaches them by address where
-    /// the driver is faster so.
+    /// As [`Kernel::new`], for a module that keeps to the bounds of its own buffers. These are the engine's
+    /// kernels, also with a user's shader in them, which sees only the resource table. Such a kernel reaches
+    /// its buffers by address if that is faster on this driver.
     pub(crate) fn trusted(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         Self::make(gpu, info, gpu.0.addresses)
     }

@@ -1,7 +1,7 @@
 //! Which device a handle belongs to.
 //!
-//! Vulkan does not look whether handles that meet are of one device; drivers crash where they are not. So
-//! every function that brings two handles together asks [`same_device`] first.
+//! Vulkan does not check whether handles that are used together belong to one device, and drivers crash if they
+//! do not. So every function that uses two handles together calls [`same_device`] first.
 
 use super::{
     buffer::Buffer, gpu::Shared, image::Image, kernel::Kernel, recorder::Recorder,

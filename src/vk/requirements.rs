@@ -1,4 +1,4 @@
-//! What a device must offer, as data, and what it may offer.
+//! The features that a device must offer and those that it may offer, as data.
 //!
 //! The list is kept short on purpose: no 64-bit integers, no 64-bit floats, no graphics queue, no
 //! extension. Everything on it is in Vulkan 1.3 and is offered by every desktop driver since 2022 and
@@ -210,7 +210,7 @@ pub const REQUIREMENTS: &[Requirement] = &[
     },
 ];
 
-/// What the engine uses where it exists.
+/// The optional features that the engine uses on devices that have them.
 pub const OPTIONAL: &[Optional] = &[
     Optional {
         name: "a graphics queue",

@@ -1,4 +1,4 @@
-//! `tilewright bench`: what it prints, writes and refuses.
+//! `tilewright bench`: its output, its files and its refusals.
 
 use super::tool::{command, finish, run};
 use serde_json::Value;

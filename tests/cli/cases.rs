@@ -1,4 +1,4 @@
-//! Users' cases: what was typed, what the environment says, and what came of it.
+//! Users' cases: a command line, an environment, and the outcome.
 
 use super::tool::{Run, command, decode, finish};
 use std::{

@@ -1,4 +1,4 @@
-//! What is measured: scenes, sizes and axes as they were typed, made into rows to be.
+//! Makes a list of rows to measure of the scenes, sizes and axes that were typed.
 
 use super::super::{
     args::{BenchArgs, parse_size},
@@ -17,9 +17,9 @@ use std::ffi::{OsStr, OsString};
 /// The size that is measured if none is asked for.
 const DEFAULT_SIZE: Extent = Extent::new(1920, 1080);
 
-/// One row to be.
+/// One row to measure.
 pub struct Case {
-    /// What it is of.
+    /// The scene, the size and the settings.
     pub label: Label,
     /// Whether its first frames and its memory are measured too, in processes of their own.
     pub alone: bool,
@@ -32,7 +32,7 @@ enum Source {
 }
 
 impl Case {
-    /// As it can be typed again.
+    /// The scene as a user types it.
     pub fn typed(&self) -> OsString {
         match &self.source {
             Source::Generated(_) => self.label.scene.clone().into(),
@@ -51,7 +51,7 @@ impl Case {
         }
     }
 
-    /// The pass; made anew each time, so that only one is in memory.
+    /// The pass. It is made anew each time, so that only one pass is in memory.
     ///
     /// # Errors
     /// Those of the scene.
@@ -63,7 +63,7 @@ impl Case {
     }
 }
 
-/// Every scene at every size along every axis, all of it checked before anything is done.
+/// Every scene at every size along every axis. All of it is checked before anything is measured.
 ///
 /// # Errors
 /// [`Error::Usage`], [`Error::Input`] for a scene that is not there.
@@ -133,7 +133,7 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// Leaves the folders of files out of their titles, where these still differ without.
+/// Leaves the folder of a file out of its title, unless two titles would become equal.
 fn shorten(cases: &mut [Case]) {
     let short = |case: &Case| match &case.source {
         Source::Scene(View { scene: SceneName::File(path), .. }) => {
@@ -197,7 +197,7 @@ fn axis(typed: &str) -> Result<(Axis, Vec<String>)> {
     Ok((Axis::named(name.trim()).map_err(wrong)?, values))
 }
 
-/// One value of each axis, in every way; the last axis varies fastest. Without axes, one empty way.
+/// All combinations of one value of each axis; the last axis varies fastest. Without axes, one empty combination.
 fn combinations(axes: &[(Axis, Vec<String>)]) -> Vec<Vec<(Axis, String)>> {
     let mut ways = vec![Vec::new()];
     for (axis, values) in axes {

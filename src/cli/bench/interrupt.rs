@@ -1,9 +1,9 @@
-//! A run that is interrupted ends its results properly: whoever presses Ctrl-C after an hour keeps the
-//! hour.
+//! An interrupted run ends its results properly: a user who presses Ctrl-C after an hour keeps the results
+//! of that hour.
 //!
-//! Signals are taken by a thread, which ends the results and then the process, whatever the other threads
-//! are doing: a frame may take seconds, and nobody waits for it. The process dies of the signal, as its
-//! caller expects.
+//! A thread handles the signals. It ends the results and then the process, whatever the other threads are
+//! doing: a frame may take seconds, and the user should not have to wait for it. The process dies of the
+//! signal, as its caller expects.
 
 use super::results::Results;
 use crate::error::{Error, Result};
@@ -20,7 +20,7 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// What an interrupted run has to end.
+/// The work that an interrupted run has to end.
 struct Unfinished {
     results: Option<Results>,
     /// The process that is being waited for.
@@ -53,10 +53,10 @@ pub fn watch(results: Results) -> Result<()> {
 }
 
 fn end(signal: i32) {
-    // Held until the process is gone: no row is written behind the end.
+    // The lock is held until the process is gone, so that no row is written behind the end.
     let mut unfinished = unfinished();
     if let Some(child) = &mut unfinished.child {
-        // A process that has ended meanwhile cannot be killed, and need not be.
+        // Killing fails if the process has ended meanwhile, which is fine.
         let _ = child.kill();
         let _ = child.wait();
     }
@@ -90,7 +90,7 @@ pub fn output(command: &mut Command) -> io::Result<Output> {
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
     let (out, err) = (child.stdout.take(), child.stderr.take());
     unfinished().child = Some(child);
-    // Both at once: a child may block on either.
+    // Both pipes are read at once: a child may block on either.
     let stderr = std::thread::spawn(move || drained(err));
     let stdout = drained(out);
     let stderr = stderr.join().unwrap_or_else(|_| Ok(Vec::new()));
@@ -107,7 +107,7 @@ fn drained(pipe: Option<impl Read>) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A temporary folder that goes with the run, also if that is interrupted.
+/// A temporary folder that is removed at the end of the run, also if the run is interrupted.
 pub struct Folder(std::path::PathBuf);
 
 impl Folder {

@@ -1,5 +1,5 @@
-//! What exporters get wrong although it is clear what they mean: mended before the typed parser sees
-//! it, which refuses a whole file for one such member.
+//! Mends errors of exporters whose meaning is clear, before the typed parser sees them: it refuses a whole file
+//! for one such member.
 
 use super::super::uri::short;
 use serde_json::{Map, Number, Value};

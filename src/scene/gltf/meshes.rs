@@ -21,7 +21,7 @@ use gltf_json::{
 
 const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// What a node does to its mesh.
+/// The changes that a node makes to its mesh.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Deform<'a> {
     /// Weights of the morph targets, empty for none.

@@ -1,4 +1,4 @@
-//! From what MTL says to metallic-roughness materials, with their textures.
+//! Converts MTL materials to metallic-roughness materials, with their textures.
 
 use super::{
     super::{

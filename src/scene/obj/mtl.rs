@@ -20,7 +20,7 @@ pub(super) struct MtlMap {
     /// `-o` and `-s`, u and v.
     pub offset: [f32; 2],
     pub scale: [f32; 2],
-    /// `-imfchan`: what a map of single values is read from.
+    /// `-imfchan`: the channel that a map of single values is read from.
     pub channel: Option<Channel>,
 }
 
