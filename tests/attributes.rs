@@ -178,7 +178,7 @@ fn what_no_fragment_shader_reads_is_not_stored() {
     assert_eq!(counts.varying_words, u64::from(4 * (6 + 1) * 4 * COLUMNS * ROWS));
 }
 
-/// Who shows a picture needs no depth.
+/// A caller that only shows a picture needs no depth.
 #[test]
 fn the_colour_alone_is_that_of_the_frame() {
     on_each_gpu("the colour alone is that of the frame", |gpu| {

@@ -53,7 +53,7 @@ impl Slots for Nowhere {
 }
 
 impl Counts {
-    /// Of `pass`, which is valid.
+    /// The counts of `pass`, which has to be valid.
     ///
     /// # Errors
     /// [`Error::Capacity`](crate::Error::Capacity) for a primitive that fits no batch.

@@ -28,7 +28,7 @@ pub enum Shape {
     Leaves,
 }
 
-/// Which of overlapping things is drawn first.
+/// Which of several overlapping things is drawn first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// The nearest: hidden pixels could be rejected early.
@@ -68,7 +68,7 @@ pub struct Recipe {
     pub pipelines: u32,
     /// Draws take turns among so many materials, each with textures of its own.
     pub materials: u32,
-    /// What the random numbers of places, colours and textures start from.
+    /// Seed of the random numbers for places, colours and textures.
     pub seed: u64,
 }
 
@@ -262,7 +262,7 @@ impl Axis {
             "triangles, up to 4194304; of a ball (small-1m), up to 67108864; of `sheet` in whole layers,\n                  as many as it takes if area is given too",
         ),
         (Axis::Depth, "layers, up to 1024; of `sheet`"),
-        (Axis::Order, "near, far or random: what is drawn first"),
+        (Axis::Order, "near, far or random: the things that are drawn first"),
         (Axis::Size, "WxH, as --size"),
         (Axis::Vertex, "waves that the vertex shader adds, up to 4096"),
         (Axis::Fragment, "lamps that the fragment shader adds, up to 4096"),

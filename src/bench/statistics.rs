@@ -120,7 +120,7 @@ pub struct Ratio {
 }
 
 impl Ratio {
-    /// Of the times of rounds, each (compute, classic).
+    /// The ratio of rounds; each has the times (compute, classic).
     pub fn new(rounds: &[(f64, f64)]) -> Option<Self> {
         let mut compute: Vec<f64> = rounds.iter().map(|r| r.0).collect();
         let mut classic: Vec<f64> = rounds.iter().map(|r| r.1).collect();

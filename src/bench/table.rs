@@ -100,7 +100,7 @@ pub(super) fn remarks(row: &Value) -> Vec<String> {
     if row["images_equal"] == false {
         let d = &row["difference"];
         remarks.push(format!(
-            "the pictures differ (coverage {}, winner {}, colour {}, depth {}): its times say nothing",
+            "the pictures differ (coverage {}, winner {}, colour {}, depth {}): its times mean nothing",
             d["coverage_differing"], d["winner_differing"], d["colour_over_1"], d["depth_max"],
         ));
     }

@@ -35,8 +35,8 @@ pub fn require_graphics(gpu: &Gpu) -> Result<()> {
     let lacks = if !gpu.has_graphics() {
         "does not draw by itself, so there is nothing to compare with"
     } else if !gpu.has_primitive_ids() {
-        "draws without gl_PrimitiveID (its feature geometryShader), so nobody can tell which triangle \
-         won a pixel"
+        "draws without gl_PrimitiveID (its feature geometryShader), so the triangle that won a pixel \
+         is not known"
     } else {
         return Ok(());
     };

@@ -122,7 +122,7 @@ pub fn install() {
     }
     if level.is_err() && !typed.is_empty() {
         log::warn!(
-            "TILEWRIGHT_LOG=`{typed}` is no level; there are off, error, warn, info, debug and trace"
+            "TILEWRIGHT_LOG=`{typed}` is not a level; the levels are off, error, warn, info, debug and trace"
         );
     }
     std::panic::set_hook(Box::new(|panic| {

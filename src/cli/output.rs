@@ -188,7 +188,7 @@ fn end_of_links(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("its symbolic links lead in a circle"))
 }
 
-/// A disk or a part of one: nobody means to replace a file system by a picture.
+/// A disk or a part of one. A picture must not replace a file system by mistake.
 fn is_block_device(found: &fs::Metadata) -> bool {
     #[cfg(unix)]
     {
@@ -227,7 +227,7 @@ fn temporary(target: &Path) -> io::Result<NamedTempFile> {
         // The umask restricts the permissions, as for any new file.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    // The kind alone: the message would name the temporary file, which is nobody's business.
+    // Only the kind is kept: the message would name the temporary file, which means nothing to the user.
     let file = builder.tempfile_in(folder(target)).map_err(|e| io::Error::from(e.kind()))?;
     if let Ok(found) = fs::metadata(target) {
         file.as_file().set_permissions(found.permissions())?;

@@ -22,8 +22,8 @@ pub struct Both {
     pub difference: Difference,
     /// How large they may be.
     pub limits: Limits,
-    /// Whether triangles cross the border of the picture; `None` if the narrower limits were kept, so
-    /// that nobody had to ask.
+    /// Whether triangles cross the border of the picture; `None` if it was not checked, because the
+    /// difference is within the narrower limits.
     pub crosses: Option<bool>,
 }
 

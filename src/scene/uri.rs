@@ -11,7 +11,7 @@ type Outcome<T> = std::result::Result<T, String>;
 /// Characters of a file's own words that a message repeats.
 const SHORT: usize = 60;
 
-/// `text` for a message: whoever made the file chose its length.
+/// `text`, shortened for a message: it comes from a file and may have any length.
 pub(super) fn short(text: &str) -> String {
     match text.char_indices().nth(SHORT) {
         Some((end, _)) => format!("{}…", &text[..end]),

@@ -124,7 +124,7 @@ pub(super) fn load(root: &Path, path: &Path, options: &FileOptions) -> Result<Sh
         }
         _ => {
             let source = String::from_utf8_lossy(&bytes);
-            // Who gives a stage knows better than a pragma; a pragma, better than the name.
+            // A stage that the caller gives overrides a pragma, and a pragma overrides the name.
             let stage = options.stage.or_else(|| by_pragma(&source)).or(of_name);
             let stage = stage.ok_or_else(no_stage)?;
             let finder = include::Finder::new(path, &options.include);

@@ -34,7 +34,7 @@ impl Shared {
         if self.is_lost() { Err(self.lost_before()) } else { Ok(turn) }
     }
 
-    /// The error of whoever comes after the device was lost.
+    /// The error of any use after the device was lost.
     pub fn lost_before(&self) -> Error {
         Error::Lost(format!("{} was lost before", self.info.name))
     }

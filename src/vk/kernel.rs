@@ -51,13 +51,13 @@ impl Kernel {
     /// by descriptor, so that the device checks bounds.
     ///
     /// # Errors
-    /// [`Error::Usage`] names what does not fit: no module, a module that reaches memory by address, where
-    /// nobody checks bounds, a constant that does not exist, more than the device's workgroup or push
-    /// constants allow. [`Error::Device`] if the driver refuses it.
+    /// [`Error::Usage`] names the fault: the words are no module, the module reaches memory by address, which
+    /// is not checked against bounds, a constant does not exist, or the workgroup or the push constants are
+    /// larger than the device allows. [`Error::Device`] if the driver refuses it.
     pub fn new(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         if declares(info.spirv, Capability::PhysicalStorageBufferAddresses) {
             return Err(Error::Usage(format!(
-                "kernel `{}` reaches memory by address, where nobody checks bounds",
+                "kernel `{}` reaches memory by address, which is not checked against bounds",
                 info.name
             )));
         }

@@ -28,7 +28,7 @@ pub(super) fn same_device(a: &dyn Owned, b: &dyn Owned) -> Result<()> {
         format!("device {opened} of this program ({})", info.name)
     };
     Err(Error::Usage(format!(
-        "{} is of {}, and {} is of {}: what is used together has to be made from one `Gpu` or its clones",
+        "{} belongs to {}, and {} belongs to {}: make both from one `Gpu` or its clones",
         a.title(),
         device(a),
         b.title(),

@@ -96,7 +96,7 @@ fn accepts() -> bool {
     let asked = std::env::var("TILEWRIGHT_GOLDEN").is_ok_and(|value| value == "accept");
     assert!(
         !asked || std::env::var_os("CI").is_none(),
-        "CI accepts no pictures: nobody looks at them"
+        "CI accepts no pictures, because no person looks at them"
     );
     asked
 }

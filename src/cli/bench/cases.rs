@@ -178,7 +178,7 @@ fn seen(typed: &OsStr, extent: Extent, args: &BenchArgs) -> Result<Case> {
     let text = typed.to_string_lossy();
     let scene = SceneName::new(typed).map_err(|error| match error {
         Error::Input { .. } if !text.contains(['.', '/']) => Error::Usage(format!(
-            "there is no scene `{text}`: tilewright bench --list names those that are generated"
+            "there is no scene `{text}`: `tilewright bench --list` lists the generated scenes"
         )),
         other => other,
     })?;

@@ -204,7 +204,7 @@ impl Source<'_> {
         Ok(())
     }
 
-    /// Whether all normals point somewhere, or nobody asks.
+    /// Whether all normals have a direction, or the material needs none.
     fn has_directions(&self, data: &Data, unlit: bool) -> Checks<bool> {
         let Some(normals) = self.find(Semantic::Normals).filter(|_| !unlit) else {
             return Ok(true);

@@ -61,7 +61,7 @@ pub(super) struct Mtl {
     pub normal_map: Option<MtlMap>,
 }
 
-/// The materials of all libraries of a file. Of several with one name the first counts, as libraries
+/// The materials of all libraries of a file. If several have one name, the first counts, as libraries
 /// are searched in the order in which the file names them.
 #[derive(Default)]
 pub(super) struct Library {
