@@ -26,7 +26,7 @@ pub enum Error {
         /// The fault, as a sentence without the file name.
         reason: String,
     },
-    /// A shader that does not compile or uses what is out of reach (exit code 4).
+    /// A shader that does not compile or uses a feature that is out of reach (exit code 4).
     #[error("shader `{shader}`: {reason}")]
     Shader {
         /// The shader's label.
@@ -51,7 +51,7 @@ pub enum Error {
         /// What to do next.
         advice: String,
     },
-    /// As [`Error::Capacity`], for what is not counted in bytes or whose size only the driver knows
+    /// As [`Error::Capacity`], for things that are not counted in bytes or whose size only the driver knows
     /// (exit code 6). Names the limit where there is one.
     #[error("{0}")]
     Full(String),

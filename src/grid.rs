@@ -81,7 +81,8 @@ impl Grid {
     }
 }
 
-/// The number in its bin of the pixel (`x`, `y`) of the band: visibility lies in this order, and lanes take pixels in it.
+/// The number in its bin of the pixel (`x`, `y`) of the band. Visibility is stored in this order, and lanes take
+/// pixels in this order.
 pub fn pixel_number(x: u32, y: u32) -> u32 {
     let (mut number, mut x, mut y) = (0, x, y);
     for bit in 0..abi::BIN_PIXELS.ilog2() {
@@ -106,7 +107,7 @@ pub struct Capacities {
 
 impl Capacities {
     /// 262,144 primitives: triangles of 112 MiB and lists of 112 MiB if all of them were clipped into
-    /// seven, which is what a storage buffer may hold on common devices; untouched memory costs nothing
+    /// seven, which fits a storage buffer on common devices; untouched memory costs nothing
     /// where the host's is the device's; positions of 16 MiB in clip space and of 16 MiB in the window;
     /// varyings of 16 MiB, which later stages then find near the processor: a mesh without shared
     /// vertices took 5 % longer with 128.

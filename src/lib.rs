@@ -36,7 +36,7 @@
 //!
 //! # Features
 //!
-//! `cli` (on by default) is the tool and what it needs. `glsl` compiles users' GLSL at run time by the
+//! `cli` (on by default) is the tool with its dependencies. `glsl` compiles users' GLSL at run time by the
 //! system's libshaderc, `glsl-bundled` by a compiler that is built with the crate. With neither, users hand in
 //! their shaders as SPIR-V; the crate's own shaders are always SPIR-V.
 //!

@@ -137,7 +137,7 @@ impl Pipeline {
 pub enum Binding {
     /// A uniform block.
     Uniform(BufferRange),
-    /// A storage block. What shaders write is not visible outside the pass.
+    /// A storage block. Writes of shaders are not visible outside the pass.
     Storage(BufferRange),
     /// `sampler2D`.
     Sampled(Arc<Texture>, Sampler),

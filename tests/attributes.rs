@@ -158,7 +158,8 @@ fn both(gpu: &Gpu, apart: usize, depth: DepthState, primitives: u32) {
     }
 }
 
-/// What is the same for all vertices of an instance is fetched once for each; batches end within instances.
+/// Attributes that are the same for all vertices of an instance are fetched once for each instance. Batches end
+/// within instances.
 #[test]
 fn attributes_per_instance_and_constant_ones_reach_every_vertex() {
     on_each_gpu("attributes per instance and constant ones reach every vertex", |gpu| {

@@ -192,7 +192,7 @@ fn triangle(random: &mut Random, farther: f32) -> [[f32; 4]; 3] {
     corners
 }
 
-/// A float that arithmetic may keep as it is: devices may flush denormals and rewrite what is no number.
+/// A float that arithmetic may keep as it is: devices may flush denormals and rewrite NaNs.
 fn constant(random: &mut Random) -> f32 {
     let special = [
         0.0,

@@ -75,7 +75,7 @@ fn pass(shaders: &(Shader, Shader), draws: usize) -> Pass {
     pass
 }
 
-/// An executor and how to ask what it keeps.
+/// An executor, and how to count the objects that it keeps.
 type Kind<E> = (E, fn(&E) -> Cached);
 
 fn compute(gpu: &Gpu) -> Kind<compute::Renderer> {
@@ -123,7 +123,7 @@ fn shaders_that_are_always_new_do_not_add_up() {
         let kept = (compute.cached().pipelines, classic.cached().pipelines);
         assert!(kept.0 <= 66 && kept.1 <= 65, "{kept:?} after {factor} passes");
     }
-    // What was let go is made again.
+    // Dropped objects are made again.
     draw(&mut compute, &pass(&shaders(0), 1), 0);
     draw(&mut classic, &pass(&shaders(0), 1), 0);
 }

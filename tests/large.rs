@@ -97,7 +97,7 @@ fn a_pass_may_bind_more_than_a_table_holds() {
         assert!(traced.color == expected.color, "traced with a table of {buffers} buffers");
         assert!(trace.buffers.len() >= 130 / buffers as usize, "{}", trace.buffers.len());
     }
-    // What one draw binds has to be in one table.
+    // All resources of one draw have to be in one table.
     let gpu = small(1);
     let refused = compute::Renderer::new(&gpu).and_then(|mut r| r.render(&pass)).err();
     let Some(Error::Full(said)) = refused else { panic!("{refused:?}") };

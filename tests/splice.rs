@@ -25,7 +25,7 @@ use tilewright::{
 const PIXELS: usize = 128;
 const UNTOUCHED: u32 = 0xdead_beef;
 
-/// Where fragments run, and what they read.
+/// The places of the fragments, and their inputs.
 struct Scene<'g> {
     gpu: &'g Gpu,
     table: ResourceTable,

@@ -66,7 +66,7 @@ impl Counts {
             let topology = pass.pipelines[draw.pipeline].topology;
             u64::from(topology.primitives(draw.count)) * u64::from(draw.instances)
         });
-        // What one vertex of a draw reads; draws of one pass are near enough alike to take the mean.
+        // Bytes that one vertex of a draw reads; draws of one pass are similar enough to take the mean.
         let attributes = pass.draws.iter().map(|draw| {
             let pipeline = &pass.pipelines[draw.pipeline];
             pipeline.vertex_attributes.iter().map(|a| a.format.bytes() as u64).sum::<u64>()

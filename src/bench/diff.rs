@@ -14,7 +14,7 @@ use super::{
 };
 use serde_json::{Value, json};
 
-/// What is said if it is not the same in both.
+/// Parts of the environment that are reported if they differ between the two results.
 const ENVIRONMENT: [&str; 6] =
     ["/device/driver", "/device/name", "/cpu", "/cores", "/kernel_hash", "/commit"];
 

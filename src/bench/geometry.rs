@@ -113,7 +113,7 @@ fn grid(columns: u32, rows: u32, mut at: impl FnMut(f32, f32) -> Vertex) -> Mesh
     mesh
 }
 
-/// Clip space as it is: what stands there has its size in pixels.
+/// Clip space as it is: geometry there has its size in pixels.
 fn upright(meshes: Vec<Mesh>, objects: Vec<Object>) -> Model {
     Model { meshes, objects, view_projection: Mat4::IDENTITY, eye: Vec3::new(0.0, 0.0, -2.0) }
 }

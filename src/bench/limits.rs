@@ -156,7 +156,7 @@ impl Least {
             "binning_scatter" => {
                 Some(Self { bytes: counts.triangles * 8, atomics: counts.triangles })
             }
-            // A depth for each pixel: what one triangle covers needs no keys.
+            // A depth for each pixel: a bin that one triangle covers needs no keys.
             "raster" => only(pixels * 4),
             // A colour for each pixel.
             "shade" => only(pixels * 4),

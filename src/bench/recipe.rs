@@ -195,7 +195,7 @@ impl Recipe {
             (Some(_), Some(count)) => count.div_ceil(columns * rows * 2).max(1),
             _ => depth,
         };
-        // What is too many triangles becomes a smaller sheet of triangles of the same size.
+        // If there are too many triangles, the sheet becomes smaller; its triangles keep their size.
         let most = (MOST_TRIANGLES / 2 / depth).max(1);
         let whole = (columns, rows);
         if columns * rows > most {

@@ -185,7 +185,7 @@ pub fn opening(environment: &Value, settings: &Value) -> String {
 
 /// The text of a row; `first` is whether none stands before it.
 pub fn line(row: &Value, first: bool) -> String {
-    // The comma stands before a row, so that what was written is whole after each.
+    // The comma stands before a row, so that the written rows are complete after each one.
     format!("{}{row}\n", if first { "" } else { "," })
 }
 

@@ -71,7 +71,7 @@ impl Renderer {
         }
     }
 
-    /// Checks `pass`, uploads what is new in it, compiles its pipelines and records its draws.
+    /// Checks `pass`, uploads its new resources, compiles its pipelines and records its draws.
     ///
     /// # Errors
     /// [`Error::Usage`] if the pass contradicts itself, [`Error::Capacity`] if it does not fit.
@@ -81,8 +81,8 @@ impl Renderer {
         Prepared::new(&self.gpu, &mut self.resources, pass, &compiled)
     }
 
-    /// Records the draws of `pass` anew into `prepared`, which keeps its targets: what a program does in
-    /// each frame. The pass is not validated, since such a program would not pay for it either: it must
+    /// Records the draws of `pass` anew into `prepared`, which keeps its targets. A program does the same in
+    /// each frame. The pass is not validated, since such a program would not pay for that either: it must
     /// be valid and have the extent and the formats of the pass that was prepared.
     pub(crate) fn record_again(&mut self, prepared: &mut Prepared, pass: &Pass) -> Result<()> {
         let compiled = self.compiled(pass)?;

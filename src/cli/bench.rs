@@ -31,7 +31,7 @@ const ROW_SECONDS: f64 = 3.0;
 /// Steps of the progress bar per row.
 const STEPS: u64 = 100;
 
-/// Measures what was asked for.
+/// Measures the requested rows.
 ///
 /// # Errors
 /// Those of the scenes and of the executors, the first of them after the results of all other rows were

@@ -64,7 +64,7 @@ pub enum CameraChoice {
     LookAt {
         /// Where it is.
         eye: [f64; 3],
-        /// What it looks at.
+        /// The point that it looks at.
         target: [f64; 3],
         /// Which way is up.
         up: [f64; 3],
@@ -91,9 +91,9 @@ pub struct View {
 /// `tilewright render`.
 #[derive(Debug)]
 pub struct RenderPlan {
-    /// What is drawn.
+    /// The scene and its view.
     pub view: View,
-    /// What draws.
+    /// The executor.
     pub backend: Backend,
     /// Where the picture goes.
     pub picture: Output,
@@ -106,7 +106,7 @@ pub struct RenderPlan {
 /// `tilewright parity`.
 #[derive(Debug)]
 pub struct ParityPlan {
-    /// What is drawn.
+    /// The scene and its view.
     pub view: View,
     /// Whether figures are printed as JSON.
     pub json: bool,
@@ -117,7 +117,7 @@ pub struct ParityPlan {
 }
 
 impl RenderPlan {
-    /// Checks what was typed.
+    /// Checks the typed values.
     ///
     /// # Errors
     /// [`Error::Usage`], [`Error::Input`] for a scene that is not there, [`Error::Io`] for an output
@@ -146,7 +146,7 @@ impl RenderPlan {
 }
 
 impl ParityPlan {
-    /// Checks what was typed.
+    /// Checks the typed values.
     ///
     /// # Errors
     /// As [`RenderPlan::new`].

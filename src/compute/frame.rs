@@ -82,8 +82,8 @@ pub struct Stage<'a> {
 
 /// A pass that was recorded and can run.
 ///
-/// Each band is a submission of its own, so that the time-out bounds what one submission may take
-/// whatever the size of the target.
+/// Each band is a submission of its own, so that the time-out is for one band, whatever
+/// the size of the target.
 pub struct Prepared {
     recordings: Vec<Recording>,
     /// Copy the targets to the host, if the host does not see the device's memory. They are not part of the
@@ -124,7 +124,7 @@ impl Prepared {
         Ok(Frame { color, depth })
     }
 
-    /// The colour target alone, as [`Prepared::read`] returns it: half the work for who shows it.
+    /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
     ///
     /// # Errors
     /// As [`Prepared::execute`].

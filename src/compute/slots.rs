@@ -31,8 +31,8 @@ impl TablePool {
         Self { gpu: gpu.clone(), tables: Vec::new(), pass: 0 }
     }
 
-    /// Begins another pass: empties the tables that no recording has bound, which lets go of what is in
-    /// them, and lets go of tables that are not needed any more.
+    /// Begins another pass: empties the tables that no recording has bound, which drops their resources, and
+    /// drops tables that are not needed any more.
     pub fn next_pass(&mut self) -> Result<()> {
         self.pass += 1;
         let pass = self.pass;
@@ -60,7 +60,7 @@ impl TablePool {
     }
 }
 
-/// Uploads what the planner asks for and hands out slots.
+/// Uploads resources for the planner and hands out their slots.
 pub struct TableSlots<'a> {
     gpu: &'a Gpu,
     pool: &'a mut TablePool,
@@ -105,7 +105,7 @@ impl<'a> TableSlots<'a> {
         Ok(slots)
     }
 
-    /// What was filled.
+    /// The tables that were filled.
     pub fn into_tables(self) -> Tables {
         self.tables
     }

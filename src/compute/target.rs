@@ -2,7 +2,7 @@
 //! host finds them.
 //!
 //! Kernels work on the target's own rows, with no copy of a bin between a clear and a resolve of all
-//! pixels; `docs/tried.md` says what that cost.
+//! pixels; `docs/tried.md` has the cost of such copies.
 
 use crate::{
     error::Result,

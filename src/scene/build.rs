@@ -255,7 +255,7 @@ impl Builder {
 
 /// Why a scene cannot be finished.
 pub(super) enum Fault {
-    /// The file asks for what cannot be: a sentence.
+    /// The file asks for something impossible: a sentence.
     Input(String),
     /// A fault of the engine's own.
     Engine(crate::Error),

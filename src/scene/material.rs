@@ -138,7 +138,7 @@ const _: () = assert!(size_of::<Block>() <= BLOCK_ALIGN);
 const FLAG_UNLIT: u32 = 1 << 5;
 /// Alpha reaches the target; otherwise it is 1.
 const FLAG_ALPHA: u32 = 1 << 6;
-/// Specular colour and glossiness say what is reflected.
+/// Specular colour and glossiness describe the reflection.
 const FLAG_SPECULAR: u32 = 1 << 7;
 
 impl Block {

@@ -99,7 +99,7 @@ impl Mesh {
     }
 
     /// Gives vertices whose normal has no direction one from their faces; if none has one, each triangle
-    /// its own. Of a `flipped` mesh the front of a triangle is the other side.
+    /// its own. In a `flipped` mesh the front of a triangle is the other side.
     pub fn mend_normals(&mut self, flipped: bool) {
         let lost: Vec<bool> = self.normals.iter().map(|n| !is_usable(n)).collect();
         let side = if flipped { -1.0 } else { 1.0 };

@@ -65,7 +65,7 @@ fn os_string(bytes: Vec<u8>) -> OsString {
     }
 }
 
-/// Undoes `%20` and the like; what is no valid escape stays.
+/// Decodes `%20` and the like; invalid escapes stay.
 fn percent_decode(text: &str) -> Vec<u8> {
     let bytes = text.as_bytes();
     let digit = |at: usize| bytes.get(at).and_then(|b| (*b as char).to_digit(16));

@@ -22,7 +22,7 @@ pub(super) struct Leaf {
     pub path: Vec<u32>,
     /// Type of the leaf: a scalar or a vector.
     pub ty: Word,
-    /// What it is to the other stage.
+    /// The varying, as the other stage sees it.
     pub varying: Varying,
 }
 

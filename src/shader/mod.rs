@@ -150,13 +150,13 @@ pub struct Resource {
     pub set: u32,
     /// `layout(binding = …)`.
     pub binding: u32,
-    /// What it is.
+    /// Its kind.
     pub kind: ResourceKind,
     /// Elements of the array (of all its dimensions), 1 if it is none, 0 if it is a run-time array.
     pub count: u32,
     /// Blocks: the bytes that a binding must have at least; 0 otherwise.
     pub bytes: u32,
-    /// Images: what the shader takes them for.
+    /// Images: the kind that the shader declares.
     pub image: Option<ImageShape>,
 }
 
@@ -235,7 +235,7 @@ impl Shader {
         Self::from_file_with(root, path, &FileOptions::default())
     }
 
-    /// As [`Shader::from_file`], with what the file does not say: its stage, folders of included files.
+    /// As [`Shader::from_file`], with properties that the file does not state: its stage, folders of included files.
     ///
     /// # Errors
     /// As [`Shader::from_file`].
@@ -243,7 +243,7 @@ impl Shader {
         Self::load(root, path, options)?.drawable()
     }
 
-    /// As [`Shader::from_file_with`], also of what no pass can draw with.
+    /// As [`Shader::from_file_with`], also for shaders that no pass can draw with.
     pub(crate) fn load(root: &Path, path: &Path, options: &FileOptions) -> Result<Shader> {
         file::load(root, path, options)
     }
@@ -278,14 +278,14 @@ impl Shader {
         Self::reflected(stage, label, words)?.drawable()
     }
 
-    /// As [`Shader::from_spirv`], also of what no pass can draw with.
+    /// As [`Shader::from_spirv`], also for shaders that no pass can draw with.
     pub(crate) fn validated(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
         let shader = Self::reflected(stage, label, words)?;
         validate::validate(words).map_err(|reason| Error::shader(label, reason))?;
         Ok(shader)
     }
 
-    /// As [`Shader::own`], also of what no pass can draw with.
+    /// As [`Shader::own`], also for shaders that no pass can draw with.
     pub(crate) fn reflected(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
         let (reflection, refusal) = module::parse(words)
             .and_then(|module| reflect::reflect(&module, stage))

@@ -15,7 +15,7 @@ use rspirv::{
 };
 use std::collections::HashSet;
 
-/// A refusal without the shader's name, or what was asked for.
+/// A result, or a refusal without the shader's name.
 pub(super) type Outcome<T> = Result<T, String>;
 
 /// The largest id that SPIR-V's universal limits promise to be accepted.
@@ -44,7 +44,7 @@ pub(super) fn parse(words: &[u32]) -> Outcome<dr::Module> {
     Ok(module)
 }
 
-/// Checks that ids are defined once and that declarations follow what they mention (but for pointers
+/// Checks that ids are defined once and that declarations follow the ones that they refer to (except for pointers
 /// announced by `OpTypeForwardPointer`), so that walks through types end.
 fn check_order(module: &dr::Module) -> Outcome<()> {
     let mut defined = HashSet::new();

@@ -92,7 +92,7 @@ struct Rewriter {
     uint: Word,
     constants: HashMap<u32, Word>,
     has_int64: bool,
-    /// By their number: pointer to pairs of words, and the type of these.
+    /// By the number of pairs: the type of a pointer to pairs of words, and the type of the pairs.
     pair_types: HashMap<u32, (Word, Word)>,
 }
 
@@ -337,7 +337,7 @@ impl Rewriter {
     /// Makes chains begin at addresses, and loads say how they are aligned.
     fn rewrite(&mut self, blocks: &[Block], addresses: Word) {
         let blocks: HashMap<Word, &Block> = blocks.iter().map(|b| (b.variable, b)).collect();
-        // Pointer types by what they point to, and what chains result in.
+        // Pointer types by their pointees, and the types that chains result in.
         let mut pointers: HashMap<Word, Word> = HashMap::new();
         let mut uniform: HashMap<Word, Word> = HashMap::new();
         let mut chains: HashMap<Word, Place> = HashMap::new();

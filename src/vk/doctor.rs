@@ -21,7 +21,7 @@ pub struct Doctor {
     pub environment: Vec<(String, String)>,
     /// Devices of all drivers.
     pub devices: Vec<DeviceInfo>,
-    /// What is wrong, the worst first; empty if all is well.
+    /// The faults, the worst first; empty if there are none.
     pub findings: Vec<Finding>,
 }
 
@@ -39,7 +39,7 @@ pub enum Severity {
 pub struct Finding {
     /// How bad it is.
     pub severity: Severity,
-    /// What is wrong, as a sentence.
+    /// The fault, as a sentence.
     pub problem: String,
     /// What to do, where it is known: usually a command.
     pub fix: String,

@@ -131,7 +131,7 @@ impl Gpu {
     ///
     /// # Errors
     /// [`Error::Device`] without a loader, a driver or a device that meets all [`super::REQUIREMENTS`];
-    /// the message names the device, what is missing and what to do.
+    /// the message names the device and the missing feature, and says what to do.
     pub fn open(options: &GpuOptions) -> Result<Self> {
         let asked = std::env::var("TILEWRIGHT_VALIDATION").is_ok_and(|v| v == "1");
         let validation = options.validation || asked;
@@ -258,7 +258,7 @@ impl Gpu {
         self.0.int64_atomics
     }
 
-    /// What the validation layer reported so far, in order; empty without it. It takes nothing away.
+    /// The messages of the validation layer so far, in order; empty without the layer. They stay for later calls.
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -389,7 +389,7 @@ impl Drop for Shared {
 }
 
 /// Opens the device with everything on that it offers, since users' shaders may need any of it. Robust
-/// access is part of that: shaders may index what they bind at will, and must not reach other memory.
+/// access is part of that: shaders may index their resources at will, and must not reach other memory.
 fn create_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,

@@ -22,7 +22,7 @@ extern "C" fn look() {
     STDOUT_CLOSED.store(copied.is_err(), Ordering::Relaxed);
 }
 
-/// The system calls what it finds in this section before `main`.
+/// The system calls the functions in this section before `main`.
 // SAFETY: the section holds pointers to functions that return nothing and may ignore their arguments.
 #[cfg(target_os = "linux")]
 #[used]

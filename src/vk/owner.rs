@@ -14,7 +14,7 @@ use bytemuck::Pod;
 pub(super) trait Owned {
     /// The device.
     fn owner(&self) -> &Shared;
-    /// What it is, for messages.
+    /// A description for messages.
     fn title(&self) -> String;
 }
 

@@ -75,7 +75,7 @@ impl TableSizes {
         [self.sampled, self.textures, self.samplers, self.storage_images, self.buffers]
     }
 
-    /// What the device has room for.
+    /// The sizes that the device has room for.
     pub(super) fn capped(self, probe: &Probe) -> Self {
         let l = &probe.vulkan12;
         let of = |stage: u32, set: u32| stage.min(set);

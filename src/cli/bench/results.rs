@@ -37,7 +37,7 @@ pub struct Results {
 }
 
 impl Results {
-    /// Writes what stands before the first row.
+    /// Writes the text before the first row.
     ///
     /// # Errors
     /// [`Error::Io`](crate::Error::Io), as of all that writes here.
@@ -87,7 +87,7 @@ impl Results {
         Ok(())
     }
 
-    /// Writes what stands behind the last row. Returns whether the pictures of any row differ.
+    /// Writes the text behind the last row. Returns whether the pictures of any row differ.
     ///
     /// # Errors
     /// See [`Results::begin`].

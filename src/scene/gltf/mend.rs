@@ -109,7 +109,7 @@ fn samplers_and_materials(document: &mut Value, warn: &mut dyn FnMut(String)) {
 fn walk(value: &mut Value, warn: &mut dyn FnMut(String)) {
     match value {
         Value::Object(members) => {
-            // Applications keep what they like in extras, of any type; null is as if left out.
+            // Applications keep anything in extras, of any type; null counts as missing.
             members.remove("extras");
             members.retain(|_, member| !member.is_null());
             members.retain(|name, member| {

@@ -85,7 +85,7 @@ impl Pose {
 }
 
 impl Local {
-    /// The transform of a node's JSON; what is missing there, or no number, is as if left out.
+    /// The transform of a node's JSON; a member that is no number counts as missing.
     pub fn of(node: &Value) -> Self {
         fn numbers<const N: usize>(node: &Value, name: &str) -> Option<[f64; N]> {
             let list: Option<Vec<f64>> =

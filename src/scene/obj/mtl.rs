@@ -12,7 +12,7 @@ use std::{
 /// A texture statement with the options that change the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct MtlMap {
-    /// What the file may be called, the likeliest first.
+    /// Possible names of the file, the likeliest first.
     pub names: Vec<Vec<u8>>,
     pub clamp: bool,
     /// `-bm`
@@ -89,7 +89,7 @@ impl Library {
     pub fn add(&mut self, bytes: &[u8], file: &str) -> Vec<String> {
         let text = decode(bytes);
         let before = self.materials.len();
-        // What comes before the first name, and definitions that do not count, go nowhere.
+        // Statements before the first name, and definitions that do not count, are dropped.
         let mut nowhere = Mtl::default();
         let mut current = None;
         let (mut warnings, mut twice) = (Vec::new(), None);

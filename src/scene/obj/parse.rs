@@ -51,7 +51,7 @@ pub(super) struct Obj {
     pub groups: Vec<Group>,
     /// Names after `usemtl`.
     pub materials: Vec<Vec<u8>>,
-    /// What stands after `mtllib`, each text once.
+    /// The texts after `mtllib`, each once.
     pub libraries: Vec<Vec<u8>>,
     pub warnings: Vec<String>,
 }

@@ -35,7 +35,7 @@ pub(super) struct Port {
     pub ty: Word,
     /// `out`.
     pub output: bool,
-    /// What it is.
+    /// Its content.
     pub kind: PortKind,
 }
 
