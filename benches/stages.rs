@@ -1,11 +1,11 @@
 //! Micro-benchmarks: one stage of one small pass each, by the device's own clock.
 //!
-//! `cargo bench` measures, `cargo bench -- raster` one stage; `cargo test` runs each once. What is drawn
-//! stays the same whatever the stages are called: they are asked for, not listed. For whole frames, and
-//! against the device's own pipeline, there is `tilewright bench`.
+//! `cargo bench` measures all stages, `cargo bench -- raster` one of them; `cargo test` runs each once. The names
+//! of the stages are read from a frame's timings, not listed here. `tilewright bench` measures whole frames and
+//! compares them with the device's own pipeline.
 //!
-//! Among the tests this is a test of its own, not criterion's: criterion takes one filter where the
-//! harness takes several, and refuses options that are none of its own.
+//! Under `cargo test` this file is its own test program and does not use criterion: criterion takes one filter
+//! where the test harness takes several, and it refuses options that it does not know.
 
 use criterion::Criterion;
 use std::time::Duration;

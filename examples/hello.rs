@@ -1,4 +1,4 @@
-//! A triangle by a shader pair of one's own, `hello.vert` and `hello.frag` beside this file.
+//! Draws a triangle with the shader pair `hello.vert` and `hello.frag` beside this file.
 //!
 //! `cargo run --release --example hello` writes `hello.png`.
 

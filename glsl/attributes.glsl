@@ -1,5 +1,6 @@
-// The vertex attributes of the user's shader: where they are read, once for each piece, for each instance or for each
-// vertex. What includes this has declared `piece`, the resource table and the variables called tw_*.
+// Fetches the vertex attributes of the user's shader. The buffer of an attribute is looked up once for each piece;
+// its value is fetched once for each vertex, or once for each instance if it advances per instance. The file that
+// includes this one declares `piece`, the resource table and the variables called tw_*.
 #ifndef ATTRIBUTES_GLSL
 #define ATTRIBUTES_GLSL
 #include "lib/attribute.glsl"
@@ -8,7 +9,7 @@
 layout(scalar, binding = 3) readonly buffer Attributes { uint attributes[][3]; }; // `Attribute`
 
 Attribute bound_attributes[MAX_ATTRIBUTES];
-// Which instance of its draw the values of attributes per instance are of, and these.
+// The values of per-instance attributes, and the number in its draw of the instance that they belong to.
 uint bound_instance = NONE;
 uvec4 instance_values[MAX_ATTRIBUTES];
 
@@ -17,7 +18,7 @@ void tw_bind_attribute(const in uint location) {
     bound_attributes[location] = Attribute(words.x, words.y, words.z);
 }
 
-// The component at `byte` of what the slot shows. Components are aligned to their size.
+// The component at byte `byte` of the buffer in table slot `slot`. Components are aligned to their size.
 uint fetch_component(const uint slot, const uint component, const uint byte) {
     uint word = table[nonuniformEXT(slot)].words[byte >> 2];
     return component_value(component, component_bytes(component) == 4u ? word : word >> ((byte & 3u) * 8u));
@@ -27,13 +28,13 @@ bool is_per_instance(const uint location) {
     return (attribute_format(location) & ATTRIBUTE_PER_INSTANCE) != 0u;
 }
 
-// Components that the format has not are 0.
+// The components of an attribute; those that its format lacks are 0.
 uvec4 fetch(const uint location) {
     uvec4 value = uvec4(0u);
     uint format = attribute_format(location);
     if (format == 0u) return value;
     uint component = format & ((1u << ATTRIBUTE_COUNT_SHIFT) - 1u), count = attribute_count(location);
-    // Not through a local variable, which a lane that is switched off would leave undefined.
+    // No local variable holds the attribute: a lane that is switched off would leave the variable undefined.
     uint index = uint(is_per_instance(location) ? tw_InstanceIndex : tw_VertexIndex);
     uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index;
     uint slot = bound_attributes[location].slot + (byte >> WINDOW_LOG2), size = component_bytes(component);

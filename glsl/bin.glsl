@@ -1,10 +1,11 @@
-// The pixels of a bin while raster works on them: what decides between two triangles, and where the
-// winners are kept.
+// The pixels of a bin while raster works on them: the rule that decides between two triangles, and the
+// memory that holds the winners.
 //
-// Depth and key of each pixel are in shared memory, or IN_PLACE, where `depth` and `visibility` have
-// them in the end: to CPUs all memory is the same, and what is in place need not be brought. Each pixel
-// is touched by one lane only, so that there is no barrier. What includes this defines WIDTH, the
-// subgroup's, COMPARE, the depth comparison, and IN_PLACE.
+// Raster keeps the depth and the key of each pixel in shared memory and copies them to `depth` and
+// `visibility` at the end. With IN_PLACE it keeps them in `depth` and `visibility` from the start: all
+// memory is the same to a CPU, and this saves the copy. Only one lane touches each pixel, so no barrier is
+// needed. The file that includes this one defines SUBGROUP_WIDTH, COMPARE (the depth comparison) and
+// IN_PLACE.
 #ifndef BIN_GLSL
 #define BIN_GLSL
 
@@ -30,7 +31,7 @@ struct Bin {
     ivec2 origin;
 };
 
-// The place in `depth` of the bin's pixel at `p`, which is in the target.
+// The index in `depth` of the bin's pixel at `p`. The pixel has to lie in the target.
 uint depth_place(const Bin bin, const ivec2 p) {
     return uint(bin.origin.y + p.y) * batch.width + uint(bin.origin.x + p.x);
 }
@@ -39,7 +40,7 @@ bool in_target(const Bin bin, const ivec2 p) {
     return bin.origin.x + p.x < int(batch.width) && bin.origin.y + p.y < int(batch.height);
 }
 
-// What the bin's pixel `i`, which is at `p`, holds.
+// The depth that pixel `i` of the bin holds; the pixel is at `p`.
 float held_depth(const Bin bin, const uint i, const ivec2 p) {
     return IN_PLACE ? depth[depth_place(bin, p)] : s_depth[i];
 }
@@ -58,8 +59,9 @@ void hold(const Bin bin, const uint i, const ivec2 p, const float z, const uint 
     }
 }
 
-// Whether (z, key) beats what the pixel holds. Among equals the comparison decides whether the first
-// or the last in API order stays; a key of 0 is what was there before the batch.
+// Whether (z, key) beats the depth and the key that the pixel holds. If the depths are equal, the comparison
+// decides whether the first or the last triangle in API order wins. A pixel that no triangle of the batch
+// has won yet holds the key 0.
 bool beats(const Bin bin, const uint i, const ivec2 p, const float z, const uint key) {
     float held = held_depth(bin, i, p);
     bool wins = in_front(z, held);
@@ -67,10 +69,10 @@ bool beats(const Bin bin, const uint i, const ivec2 p, const float z, const uint
     return wins;
 }
 
-// Makes the bin's pixels hold what the batch finds, or all of them one surface: the depth `plane` and
-// `key`.
+// Sets the bin's pixels to their state before the batch or, if `single`, to one surface: the depth of
+// `plane` and the key `key`.
 void fill(const Bin bin, const bool single, const uint key, const vec3 plane) {
-    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) {
+    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
         if (!in_target(bin, p)) continue;
         float z = 0.0;
@@ -81,7 +83,7 @@ void fill(const Bin bin, const bool single, const uint key, const vec3 plane) {
     }
 }
 
-// Gives all pixels of the bin the depth of a triangle that covers it. Those who shade it need no visibility.
+// Writes the depth of a triangle that covers the bin to all of its pixels. Shading such a bin needs no visibility.
 void cover(const Bin bin, const vec3 plane) {
     ivec2 lane_pixel = ivec2(tile_pixel(gl_SubgroupInvocationID));
     [[dont_unroll]] for (int left = 0; left <= BIN_LAST.x; left += 1 << PATCH_X_LOG2) {
@@ -97,7 +99,7 @@ void cover(const Bin bin, const vec3 plane) {
 // The farthest depth that a block holds.
 float farthest_of(const Bin bin, const uint block) {
     float far_z = GREATER ? 1.0 : 0.0;
-    [[dont_unroll]] for (uint i = block * BLOCK + gl_SubgroupInvocationID; i < (block + 1u) * BLOCK; i += WIDTH) {
+    [[dont_unroll]] for (uint i = block * BLOCK + gl_SubgroupInvocationID; i < (block + 1u) * BLOCK; i += SUBGROUP_WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
         if (!in_target(bin, p)) continue;
         float z = held_depth(bin, i, p);

@@ -1,15 +1,15 @@
-// Binning, second step: turns the cells' counts into the places of their lists, and finds the bins
+// Binning, second step: turns the cells' counts into the positions of their lists, and finds the bins
 // that have any work.
 //
 // Reads: counts of the cells.
-// Writes: `cell_ends`, where scatter will count each list's end up from its beginning; the non-empty
-// bins in row order; the arguments of the dispatches over them.
+// Writes: `cell_ends`, which holds the beginning of each list until scatter counts it up to the end; the
+// non-empty bins in row order; the arguments of the dispatches over these bins.
 // Contract: lists follow each other in cell order without gaps; a bin is listed exactly if it or a
 // coarser cell around it has an entry.
 // Kernel / Twin: src/compute/binning.rs, src/reference/binning.rs.
 //
-// One subgroup walks all cells: 9,000 at 1920x1080, and a scan over workgroups would cost more in
-// dispatches than this does in all.
+// One subgroup walks all cells, 9,000 of them at 1920x1080. A scan over workgroups would take several
+// dispatches, which alone would cost more than this kernel.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -18,7 +18,7 @@
 #include "lib/cells.glsl"
 #include "lib/tile.glsl"
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 layout(local_size_x_id = SPEC_WIDTH) in;
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
 layout(scalar, binding = 0) readonly buffer CellCounts { uint cell_counts[]; };
@@ -39,7 +39,7 @@ bool bin_has_work(const uvec2 position, const uint own) {
 void main() {
     uint lane = gl_SubgroupInvocationID;
     uint entries = 0u, listed = 0u;
-    for (uint first = 0u; first < batch.cells; first += WIDTH) {
+    for (uint first = 0u; first < batch.cells; first += SUBGROUP_WIDTH) {
         uint cell = first + lane;
         uint count = cell < batch.cells ? cell_counts[cell] : 0u;
         uint place = entries + subgroupExclusiveAdd(count);

@@ -1,13 +1,14 @@
 // Binning, third step: writes each triangle's key into the lists of the cells it touches.
 //
-// Reads: the cell of each primitive; triangles of those that several cells list, or that were clipped.
-// Writes: the lists; `cell_ends`, which each list's entries count up to its end.
+// Reads: the cell of each primitive; the triangles of primitives that several cells list or that were
+// clipped.
+// Writes: the lists; `cell_ends`, which each entry counts up by one, from its list's beginning to its end.
 // Contract: a cell's list holds the key of every valid triangle that `cells.glsl` lists there, each
 // once, in no order.
 // Kernel / Twin: src/compute/binning.rs, src/reference/binning.rs.
 //
-// An invocation takes PRIMITIVE_ROUNDS primitives, one after the other: to begin one is dear on
-// CPUs, which divide for its number.
+// An invocation takes PRIMITIVE_ROUNDS primitives, one after the other. Starting an invocation is
+// expensive on CPUs, which compute its number by division.
 #version 460
 #include "pieces.glsl"
 #include "lib/cells.glsl"

@@ -1,7 +1,7 @@
-// What the shading kernels keep bound: a draw, and the triangle that a quad shades.
+// The state that the shading kernels keep bound: a piece, and the triangle that a quad shades.
 //
-// The lanes of a quad fetch together what they need alike (`lib/quad.glsl`), and nothing is fetched
-// again for the next quad if it is the same.
+// The four lanes of a quad need the same words and share the work of fetching them (`lib/quad.glsl`). If
+// the next quad has the same piece or triangle, nothing is fetched again.
 #ifndef BOUND_GLSL
 #define BOUND_GLSL
 #extension GL_EXT_nonuniform_qualifier : require
@@ -19,14 +19,14 @@ layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[
 
 layout(scalar, set = SET_TABLE, binding = TABLE_BUFFERS) readonly buffer Words { uint words[]; } table[];
 
-// What was bound last: a piece, its part of the fields of `Piece`, and the shader's resources.
+// The piece that was bound last, the fields of it that shading needs, and the first of its shader's resources.
 uint bound_piece = NONE;
 uint bound_resources = NONE;
-vec2 viewport_scale, viewport_offset; // of pixels
+vec2 viewport_scale, viewport_offset; // in pixels
 uint first_in_draw, primitives_per_instance;
 uint piece_varyings, piece_vertices, varying_stride;
 
-// The triangle that a quad shades, and what is kept of it.
+// The triangle that a quad shades, with the fields that shading needs.
 struct Bound {
     uint key;
     vec3 plane; // depth at the pixel (0, 0), its change to the right and down
@@ -37,19 +37,20 @@ struct Bound {
 
 Bound bound = Bound(0u, vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0);
 
-// Varyings, two locations at a time: of each, two lanes of the quad hold two words. The first and the second word of
-// this lane follow each other. Compilers leave out what nobody reads, mostly one of the two.
-uvec3 parts[MAX_VARYINGS];    // as `differences` of `lib/interpolate.glsl`
+// Varyings, bound two locations at a time: the quad's first two lanes hold the words of the even location, two words
+// each, and its last two lanes those of the odd one. Each array has this lane's first word at the even location and
+// its second word at the odd one. A compiler drops a word that nothing reads.
+uvec3 parts[MAX_VARYINGS];    // as `differences` of `lib/interpolate.glsl` returns them
 uint provoking[MAX_VARYINGS]; // for flat varyings
-uvec3 varying_base;           // first pair of words of each vertex's varyings, the nearest vertex first
+uvec3 varying_base;           // index of each vertex's first pair of words, the nearest vertex first
 uint provoking_base;
 
 // Replaced by the splicer.
 void tw_user_bind();
 void tw_user_bind_inputs();
 
-// Makes the piece and its resources those of the calls that follow. Most calls find them bound: what
-// many fragments share is fetched once.
+// Binds a piece and its resources for the calls that follow. Most calls find them bound already, so that
+// many fragments share one fetch.
 void bind(const uint piece) {
     if (piece == bound_piece) return;
     bound_piece = piece;
@@ -68,13 +69,14 @@ void bind(const uint piece) {
     tw_user_bind();
 }
 
-// The triangle of `key`, which is that of the hooks from here on; all four lanes of a quad call it
-// together. Quads of large triangles follow each other and find it bound.
+// Binds the triangle of `key` for the hooks that follow, and returns it; all four lanes of a quad call this
+// together. The quads of a large triangle follow each other and find it bound already.
 Bound bind_triangle(const uint key) {
     if (key == bound.key) return bound;
     uvec2 own = triangles[key_triangle(key, batch.extra_first)].shading[QUAD_LANE];
     uvec4 fields = of_first_half(own), vertices = of_second_half(own);
-    // Two lanes for each of two vertices; the third takes two as well. They hold x and y, or z, which weighs nothing, and w.
+    // Two lanes load each of the first two vertices, and all lanes load the third one too. The even lane of a
+    // pair loads x and y, the odd one z and w; z is not used.
     uint half_vertex = QUAD_LANE & 1u;
     vec2 of_two = uintBitsToFloat(positions[QUAD_LANE < 2u ? vertices.x : vertices.y][half_vertex]);
     vec2 of_third = uintBitsToFloat(positions[vertices.z][half_vertex]);

@@ -1,5 +1,5 @@
-//! What has to be right before the crate compiles: `glsl/spirv/` is up to date (`stale`), and for the feature
-//! `glsl` there is a libshaderc that links (`shaderc`). It also tells which commit is built (`commit`).
+//! Checks before the crate compiles: `glsl/spirv/` has to be up to date (`stale`), and the feature `glsl` needs a
+//! libshaderc that links (`shaderc`). The build script also records the commit that is built (`commit`).
 
 use std::process::ExitCode;
 

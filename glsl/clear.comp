@@ -1,8 +1,8 @@
-// Clear: gives every pixel of a target of half floats its clear colour. Targets whose texel is one word
-// are filled without a kernel.
+// Clear: writes the clear colour to every pixel of a target of half floats. A target with one word per
+// texel is filled without a kernel.
 //
 // Reads: nothing. Writes: colour.
-// Contract: a cleared pixel holds what a shader that outputs the clear colour would leave there.
+// Contract: a cleared pixel holds the same words as after a shader that outputs the clear colour.
 // Kernel / Twin: src/compute/clear.rs; no twin, it stores a constant.
 #version 460
 #include "abi.glsl"

@@ -1,12 +1,12 @@
-//! Tells the commit that is built, for the benchmark's results.
+//! Records the commit that is built, for the benchmark's results.
 
 use std::process::Command;
 
 /// Sets `TILEWRIGHT_COMMIT` for the compiler: the commit, followed by `-changed` where files differ from it.
-/// Nothing is set where that is not known: in a package from a registry, or without git.
+/// It stays unset if the commit is not known: in a package from a registry, or without git.
 pub fn tell() {
-    // Only what is built counts. A later commit of the same sources builds nothing anew: what was told stays
-    // true.
+    // Only files that are built count. A later commit with the same sources does not run this again, and the
+    // recorded commit still describes the build.
     for source in ["src", "Cargo.toml", "Cargo.lock"] {
         println!("cargo:rerun-if-changed={source}");
     }

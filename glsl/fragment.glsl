@@ -1,9 +1,9 @@
-// The user's fragment shader at one pixel of one triangle: what the shading kernels share.
+// Runs the user's fragment shader at one pixel of one triangle, for all shading kernels.
 //
-// The shader is spliced into the `tw_user_` functions; the functions and globals called tw_* are what it sees.
-// Varyings are interpolated from the clip-space vertices relative to the pixel (`lib/interpolate.glsl`), which needs
-// no per-triangle setup and also serves triangles that were clipped: their parts interpolate as the whole does.
-// `bound.glsl` says how inputs get here.
+// The shader is spliced into the `tw_user_` functions; it sees the functions and globals called tw_*. Varyings are
+// interpolated from the clip-space vertices of the whole triangle (`lib/interpolate.glsl`). So they need no
+// per-triangle setup, and a part of a clipped triangle gets the same values as the whole triangle.
+// `bound.glsl` fetches the inputs.
 #ifndef FRAGMENT_GLSL
 #define FRAGMENT_GLSL
 #include "bound.glsl"
@@ -40,7 +40,7 @@ void tw_bind_inputs(const in uint location) {
     provoking[location + 1u] = own.y;
 }
 
-// The words of `location`, of which this lane of the quad has those of `first` and `second`.
+// The four words of `location`; each lane of the quad passes its own two as `first` and `second`.
 uvec4 input_words(const uint location, const uint first, const uint second) {
     if ((location & 1u) == 0u) return of_first_half(uvec2(first, second));
     return of_second_half(uvec2(first, second));
@@ -85,7 +85,7 @@ DERIVATIVES(vec2)
 DERIVATIVES(vec3)
 DERIVATIVES(vec4)
 
-// All are replaced by the splicer; they call every hook, so that none is optimised away.
+// The splicer replaces these bodies. They call every hook, so that the compiler keeps all hooks.
 void tw_user_bind() {
     color_bits = tw_block_words(tw_resource(0u), 0u, 0u);
 }
@@ -103,8 +103,8 @@ void tw_user_main() {
     tw_output(0u, 0u, 4u, floatBitsToUint(v));
 }
 
-// Runs the shader for `triangle`, the one that is bound, at the target's pixel `pixel`; all four lanes of
-// a quad call it together. `helper` lanes take part in derivatives only.
+// Runs the shader at the target's pixel `pixel` for `triangle`, which has to be the bound one. All four lanes
+// of a quad call this together. `helper` lanes take part in derivatives only.
 void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     vec2 ndc = (vec2(pixel) + 0.5 - viewport_offset) / viewport_scale;
     perspective = perspective_weights(triangle.x, triangle.y, triangle.w, ndc);

@@ -1,20 +1,20 @@
-// Raster, z-test, shading and blending of work whose result depends on its order: blending,
-// discard, depth export, side effects, and depth tests that opaque keys cannot express.
+// Raster, z-test, shading and blending of order-dependent work: draws with blending, discard, depth
+// export or side effects, or with a depth test that opaque work cannot have.
 //
 // Reads: the non-empty bins, the sorted lists of their cells, triangles, positions, varyings and
 // whatever the shader binds.
 // Writes: colour and depth; for a trace `visibility`, the last triangle that wrote to each pixel.
 // Contract: each pixel sees its fragments in API order, whatever the order of the bins.
-// Kernel / Twin: src/compute/ordered.rs; coverage, depth and visibility are those of
-// src/reference/raster.rs if the shader neither discards nor writes depth.
+// Kernel / Twin: src/compute/ordered.rs; src/reference/raster.rs gives the same coverage, depth and
+// visibility if the shader neither discards nor writes depth.
 //
-// One subgroup is one workgroup is one bin. It walks the four sorted lists as one, triangle by
-// triangle: first all pixels under its box are tested, then the shader runs in each quad where one of
-// them passed, with nothing to fetch between one quad and the next. A pixel's colour and depth stay in
-// memory, touched by one lane only. `docs/tried.md` says what was tried.
+// Each workgroup is one subgroup and draws one bin. It merges the four sorted lists of the bin's cells and
+// takes one triangle at a time. It first tests all pixels under the triangle's box, then runs the shader
+// in each quad in which a pixel passed; nothing has to be fetched between two quads. Colour and depth stay
+// in memory, and only one lane touches each pixel. `docs/tried.md` lists the alternatives that were tried.
 #version 460
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 
 #include "fragment.glsl"
 #include "lib/cells.glsl"
@@ -32,13 +32,13 @@ layout(scalar, binding = 9) writeonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 10) buffer Color { uint color[]; };
 layout(scalar, binding = 11) writeonly buffer BinBounds { vec2 bin_bounds[]; };
 
-// Patches of a bin are as many pixels as a subgroup has lanes. A lane has a bit for each, row by row, and
-// narrow subgroups, which have more than a word has bits, take the bin in parts.
+// A patch has as many pixels as a subgroup has lanes. A lane keeps one bit for each patch of the bin, row by
+// row. A narrow subgroup has more patches than a word has bits, so it takes the bin in parts.
 const uint COLUMNS_LOG2 = BIN_SIZE_LOG2 - PATCH_X_LOG2;
-const uint PARTS = WIDTH < 8u ? 2u : 1u;
+const uint PARTS = SUBGROUP_WIDTH < 8u ? 2u : 1u;
 const uint ROWS = (1u << (BIN_SIZE_LOG2 - PATCH_Y_LOG2)) / PARTS;
 
-// Each comparison is the sum of the three that it lets pass. Depths are never not-a-number.
+// A comparison is a sum of COMPARE_LESS, COMPARE_EQUAL and COMPARE_GREATER: the cases that pass. No depth is NaN.
 bool compare(const uint operation, const float a, const float b) {
     return (operation & ((a < b ? COMPARE_LESS : 0u) | (a == b ? COMPARE_EQUAL : 0u) | (a > b ? COMPARE_GREATER : 0u))) != 0u;
 }
@@ -49,7 +49,7 @@ void write_color(const uint at, const bool blends, const uvec2 equations) {
     if (blends) {
         if (FORMAT != FORMAT_RGBA16_FLOAT) {
             source = saturate(source);
-            // Much of the leaves, fences and glass of real scenes is nothing but transparent.
+            // In real scenes, large parts of leaves, fences and glass are fully transparent.
             if (source.a == 0.0 && blend_keeps(equations.x, equations.y)) return;
         }
         uvec2 held = FORMAT == FORMAT_RGBA16_FLOAT ? uvec2(color[2u * at], color[2u * at + 1u]) : uvec2(color[at], 0u);
@@ -147,11 +147,11 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
 void main() {
     uvec2 position = bin_position(bins[gl_WorkGroupID.x]);
     uint bin = position.y * batch.bins_x + position.x;
-    // Each pixel by the lane that draws to it: nothing orders what other lanes write.
+    // The lane that draws to a pixel also resets it: no barrier orders the writes of two lanes.
     if (batch.traced != 0u) {
-        for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) visibility[bin * BIN_QUADS + (i >> 2)][i & 3u] = 0u;
+        for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) visibility[bin * BIN_QUADS + (i >> 2)][i & 3u] = 0u;
     }
-    // Depth is written here and there, in any direction.
+    // Ordered work may move depth either way, so the widest bounds are the only safe ones.
     if (gl_SubgroupInvocationID == 0u) bin_bounds[bin] = vec2(0.0, 1.0);
     uint at[CELL_LEVELS], end[CELL_LEVELS];
     for (uint level = 0u; level < CELL_LEVELS; level++) {

@@ -1,4 +1,4 @@
-// The pieces of the batch, and their index buffers in the resource table.
+// Access to the index buffers of the batch's pieces, which are in the resource table.
 #ifndef PIECES_GLSL
 #define PIECES_GLSL
 #extension GL_EXT_nonuniform_qualifier : require
@@ -8,8 +8,9 @@
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
 layout(scalar, set = SET_TABLE, binding = TABLE_BUFFERS) readonly buffer Words { uint words[]; } table[];
 
-// Division for a quotient that is nearly always 0: a draw has one instance. CPUs divide lane by lane, a
-// hundred instructions, and lavapipe jumps over a branch only if there is another one in it.
+// Division for a quotient that is nearly always 0, since most draws have one instance. CPUs divide lane by
+// lane, in a hundred instructions. The second branch is there for lavapipe, which jumps over a branch only if
+// it contains another one.
 uint divide(const uint a, const uint b) {
     uint quotient = 0u;
     [[dont_flatten]] if (a >= b) {

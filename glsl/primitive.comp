@@ -1,16 +1,17 @@
 // Primitive: assembles, clips, culls and sets up every primitive of a batch.
 //
-// Reads: pieces, index buffers, window positions and outcodes; clip-space positions of what is clipped.
-// Writes: triangles, one for each primitive and more where it is clipped; counts of the cells; for each
+// Reads: pieces, index buffers, window positions and outcodes; clip-space positions of primitives that
+// are clipped.
+// Writes: the triangle of each primitive, or several if it is clipped; counts of the cells; for each
 // primitive the cell that lists it, NONE or SEVERAL_CELLS.
 // Contract: the triangles of a primitive cover exactly the pixel centres inside it and inside the
-// clip volume, viewport and scissor, by the top-left rule; two triangles of an edge share no pixel
-// and leave none out. Of a primitive that draws nothing, no triangle is written but for a trace, whose
-// `flags` are 0.
+// clip volume, viewport and scissor, by the top-left rule; two triangles that share an edge share no
+// pixel and leave none out. A primitive that draws nothing writes no triangle; if the batch is traced, it
+// writes a triangle whose `flags` are 0.
 // Kernel / Twin: src/compute/primitive.rs, src/reference/primitive.rs.
 //
-// An invocation takes PRIMITIVE_ROUNDS primitives, one after the other: most of them belong to the same
-// piece, whose fields it fetches once.
+// An invocation takes PRIMITIVE_ROUNDS primitives, one after the other. Most of them belong to the same
+// piece, so that its fields are fetched once.
 #version 460
 #include "pieces.glsl"
 #include "lib/cells.glsl"
@@ -55,9 +56,10 @@ void store_flags(const uint at, const uint flags) {
     triangles[at].shading[3].y = flags;
 }
 
-// Sets up one triangle at `at`, whose flags include `more`; without TRIANGLE_VALID if it draws nothing. The
-// result is the cell that lists it, NONE or SEVERAL_CELLS. If it is not a `part`, nothing is stored of a
-// triangle that draws nothing: half of a mesh shows its back, and memory is what large ones wait for.
+// Sets up one triangle, stores it at `at` with `more` among its flags, and returns the cell that lists it,
+// NONE or SEVERAL_CELLS. A triangle that draws nothing gets no TRIANGLE_VALID. It is stored only if it is
+// `part` of a clipped primitive or the batch is traced: half of a mesh shows its back, and large meshes are
+// limited by memory.
 uint set_up(const uint at, const bool part, const uint more, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
     ivec2 sa = snap(a), sb = snap(b), sc = snap(c);
     int turn = wide_sign(wide_subtract(wide_product(sb.x - sa.x, sc.y - sa.y), wide_product(sc.x - sa.x, sb.y - sa.y)));
@@ -106,17 +108,17 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
     return range.xy == range.zw ? cell : SEVERAL_CELLS;
 }
 
-// Remembers, for a trace, that a primitive draws nothing.
+// Records for a trace that the primitive draws nothing.
 void store_nothing(const uint primitive) {
     if (batch.traced != 0u) store_flags(primitive, 0u);
 }
 
-// The result is the cell that lists the primitive, NONE or SEVERAL_CELLS.
+// Processes one primitive; returns the cell that lists it, NONE or SEVERAL_CELLS.
 uint run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec3 slots = vertex_slots(piece, primitive - piece.first_primitive);
     uvec4 a = window_positions[slots.x], b = window_positions[slots.y], c = window_positions[slots.z];
 
-    // Wholly outside one side of the view volume: no clipping needed to know that nothing is seen.
+    // A primitive that lies wholly outside one plane of the view volume draws nothing; it need not be clipped.
     uint code = a.w | b.w | c.w, count = 3u, made = 0u;
     if ((a.w & b.w & c.w & OUT_PLANES) != 0u || (code & OUT_UNUSABLE) != 0u) {
         store_nothing(primitive);
@@ -129,7 +131,7 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
         corners[1] = sanitized(positions[slots.y]);
         corners[2] = sanitized(positions[slots.z]);
         count = clip_polygon(corners, code & OUT_PLANES, made);
-        // What is left touches w = 0 only at the eye itself, which no window position belongs to.
+        // A clipped corner has w = 0 only if it lies at the eye, which has no window position.
         bool drawable = count >= 3u;
         for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
         if (!drawable) {
@@ -137,13 +139,13 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
             return NONE;
         }
     }
-    // One loop and one call for clipped and whole triangles: the code is compiled once.
+    // Clipped and whole triangles share one loop with one call, so that the code is compiled once.
     Viewport viewport = Viewport(vec3(piece.scale, piece.depth_scale), vec3(piece.offset, piece.depth_offset));
     uint cell = NONE;
     vec3 first = uintBitsToFloat(a.xyz), previous = uintBitsToFloat(b.xyz);
     [[dont_unroll]] for (uint i = clipped ? 0u : 2u; i < count; i++) {
         vec3 next = uintBitsToFloat(c.xyz);
-        // An index that is not constant costs CPUs a hundred instructions, unless nobody gets here.
+        // Indexing by a variable costs CPUs a hundred instructions; the branch skips it unless a lane clips.
         [[dont_flatten]] if (clipped) next = window_position(viewport, corners[i], ((made >> i) & 1u) != 0u);
         if (i == 0u) first = next;
         if (i >= 2u) {
@@ -160,17 +162,17 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
 void main() {
     uint first = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     first = first * GROUP * PRIMITIVE_ROUNDS + gl_LocalInvocationIndex;
-    uint bound_end = 0u, piece_index; // the first primitive that is not the bound piece's
+    uint piece_end = 0u, piece_index; // `piece_end`: the first primitive after those of the bound piece
     Piece piece;
     [[dont_unroll]] for (uint round = 0u; round < PRIMITIVE_ROUNDS; round++) {
-        // Lanes beyond the end bind too: one that is switched off may still make a driver look at whatever
-        // index buffer it holds.
+        // Lanes beyond the end bind a piece too: a driver may access the index buffer of a lane even while
+        // the lane is switched off.
         uint primitive = min(first + round * GROUP, batch.primitives - 1u);
-        if (primitive >= bound_end) {
+        if (primitive >= piece_end) {
             piece_index = piece_of_primitive(primitive);
-            bound_end = batch.primitives;
+            piece_end = batch.primitives;
             if (piece_index + 1u < batch.piece_first + batch.piece_count) {
-                bound_end = pieces[piece_index + 1u].first_primitive;
+                piece_end = pieces[piece_index + 1u].first_primitive;
             }
             piece = pieces[piece_index];
         }

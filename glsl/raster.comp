@@ -1,27 +1,27 @@
-// Raster and z-test of opaque work: which triangle each pixel of a bin shows.
+// Raster and z-test of opaque work: finds the triangle that each pixel of a bin shows.
 //
 // Reads: the non-empty bins, the lists of their cells, triangles, depth.
-// Writes: of the bins where the batch shows something: depth and its bounds; for each fragment kernel of
-// the batch the bins where it has pixels, with the key of the triangle that covers all of the bin, or else
-// `visibility`, the key of the triangle each pixel shows, or 0. Visibility of other bins may be overwritten
-// by zeros.
-// Contract: the winner of a pixel is the triangle that the depth test would leave standing had all
-// of the batch been drawn in API order; its order in the lists does not matter.
+// Writes: depth and its bounds, for the bins in which the batch shows a triangle; for each fragment kernel
+// of the batch a list of the bins in which it has pixels. An entry of a list has the key of the triangle that
+// covers the whole bin, or else 0: then `visibility` has the key of the triangle that each pixel shows, or 0.
+// Visibility of other bins may be overwritten by zeros.
+// Contract: the winner of a pixel is the triangle that the depth test would leave standing if the whole
+// batch were drawn in API order; the order of triangles in the lists does not matter.
 // Kernel / Twin: src/compute/raster.rs, src/reference/raster.rs.
 //
-// One subgroup is one workgroup is one bin. Each lane looks at another triangle of the list; those that
-// may touch a quadrant of the bin are taken one by one, their edges handed to all lanes, and each lane
-// tests one pixel of every patch of the quadrant that the triangle's box touches. A bin that one
-// triangle covers in front of everything, and one where everything is hidden, do without all of that:
-// bounds of what a bin holds are kept from batch to batch.
+// Each workgroup is one subgroup and rasters one bin. Each lane loads a different triangle of the list. The
+// triangles that may touch a block of the bin (`lib/block.glsl`) are then taken one by one: all lanes get
+// the triangle's edges, and each lane tests one pixel of every patch that the triangle may touch. Two kinds
+// of bin skip these tests: a bin that one triangle covers in front of everything else, and a bin in which
+// everything is hidden. The bounds of each bin's depth, which are kept from batch to batch, tell them.
 //
-// Depth and key of a pixel are in the targets' own memory where a CPU is the device (IN_PLACE). `docs/tried.md` says
-// what was tried.
+// If the device is a CPU, depth and key of a pixel stay in the targets' own memory (IN_PLACE).
+// `docs/tried.md` lists the alternatives that were tried.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
 #include "abi.glsl"
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 layout(constant_id = SPEC_COMPARE) const uint COMPARE = COMPARE_LESS;
 layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
 
@@ -36,8 +36,8 @@ layout(scalar, binding = 3) readonly buffer Triangles { QuadTriangle triangles[]
 layout(scalar, binding = 4) readonly buffer Pieces { Piece pieces[]; };
 #include "shade_lists.glsl"
 
-// No pixel of a bin is below the first or above the second; if they are equal, all pixels are. Kept for
-// batches of opaque work that follow.
+// The least and the greatest depth that a pixel of each bin may have; if they are equal, all pixels have that
+// depth. They are kept for the batches of opaque work that follow.
 layout(scalar, binding = 9) buffer BinBounds { vec2 bin_bounds[]; };
 
 void main() {
@@ -50,16 +50,16 @@ void main() {
     ivec2 lane_pixel = ivec2(tile_pixel(lane));
     bool inside = in_target(bin, BIN_LAST);
 
-    // Until something asks for single pixels, the bin is what was there, of which bounds are known, or
-    // one triangle that covers all of it and is in front of that.
+    // While `single` is set, no pixel is looked at: the bin shows either what it held before the batch,
+    // whose bounds are known, or one triangle that covers the bin in front of all that.
     bool single = true;
     vec2 held = bin_bounds[bin.number];
     bool flat_before = held.x == held.y;
     uint base_key = 0u;
     vec3 base = vec3(held.x, 0.0, 0.0);
     vec2 base_bounds = GREATER ? held.yx : held; // nearest, farthest
-    // Nothing that a block holds is farther. Of `touched` blocks that has to be found again: in the round
-    // `due`, and after twice as many rounds as the last time if there was nothing new.
+    // For each block a bound of its farthest depth. The bound of a `touched` block may be out of date; it is
+    // computed anew in the round `due`. If that changes no bound, the next time comes after twice as many rounds.
     vec4 farthest = vec4(0.0);
     uint touched = 0u, round = 0u, due = 1u, pause = 1u;
     uint any = 0u;
@@ -68,10 +68,10 @@ void main() {
         uvec2 cell_position = position >> (CELL_LOG2[level] - BIN_SIZE_LOG2);
         uint cell = batch.cell_first[level] + cell_position.y * batch.cell_columns[level] + cell_position.x;
         uint end = cell_ends[cell];
-        // Triangles of other sizes may hide more, or be hidden.
+        // The triangles of the next level have another size: they may hide more, or be hidden.
         pause = 1u;
         due = max(round, 1u);
-        [[dont_unroll]] for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += WIDTH) {
+        [[dont_unroll]] for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += SUBGROUP_WIDTH) {
             uint key = entries[min(first + lane, end - 1u)];
             uint at = key_triangle(key, batch.extra_first);
             uvec4 x_low = uvec4(triangles[at].raster[0], triangles[at].raster[1]);
@@ -79,7 +79,7 @@ void main() {
             ivec3 x = ivec3(x_low.xyz), y = ivec3(y_high.xyz);
             uint low_bits = x_low.w, high_bits = y_high.w;
             vec3 plane = uintBitsToFloat(uvec3(triangles[at].shading[0], triangles[at].shading[1].x));
-            // Of a bin that reaches beyond the target, pixels there are cut off too.
+            // A bin that reaches beyond the target is cut at the target's border.
             uint cut = inside ? triangles[at].shading[3].y & TRIANGLE_CUT : TRIANGLE_CUT;
             ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
             ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
@@ -107,7 +107,7 @@ void main() {
                     }
                 }
                 if (single) continue;
-                // From here on pixel by pixel, this round's triangles once more: none can win twice.
+                // From here on pixels are tested one by one. This round starts again: no triangle can win twice.
                 fill(bin, base_key != 0u || (flat_before && !IN_PLACE), base_key, base);
                 any = base_key;
                 farthest = vec4(base_bounds.y);
@@ -144,7 +144,7 @@ void main() {
                     ivec2 low_j = subgroupShuffle(low, j), high_j = subgroupShuffle(high, j);
                     uint left = subgroupShuffle(patches, j);
                     do {
-                        uint i = uint(findLSB(left)) * WIDTH;
+                        uint i = uint(findLSB(left)) * SUBGROUP_WIDTH;
                         left &= left - 1u;
                         ivec2 step = ivec2(tile_pixel(i));
                         ivec3 e = start + dx * step.x + dy * step.y;
@@ -178,7 +178,8 @@ void main() {
         shown = 1u << fragment_kernel_of(base_key);
     } else {
         if (!has_lanes(lanes_where(any != 0u))) return;
-        // Where everything is in place, and nobody asks for more than that there is something, that is all.
+        // `finish` copies the pixels out and finds `shown` and `bounds`. It is not needed if the pixels are in
+        // place, the batch has one fragment kernel and no later batch reads the bounds.
         shown = 1u;
         if (!IN_PLACE || !inside || batch.fragment_kernels > 1u || batch.followed != 0u) finish(bin, shown, bounds);
     }

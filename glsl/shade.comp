@@ -1,21 +1,21 @@
-// Shading of opaque work: the user's fragment shader, once for each visible (quad, triangle).
+// Shading of opaque work: runs the user's fragment shader once for each visible (quad, triangle).
 //
-// Reads: the bins where this fragment kernel has pixels and what covers them, visibility, triangles, positions, varyings
-// and whatever the shader binds.
+// Reads: the bins in which this fragment kernel has pixels, with the triangles that cover whole bins; visibility,
+// triangles, positions, varyings and whatever the shader binds.
 // Writes: colour of the pixels whose visible triangle belongs to this fragment kernel.
-// Contract: hidden fragments are never shaded; a quad that shows several triangles runs the shader
-// for each of them with its other pixels as helpers, as hardware does, so derivatives are the same.
+// Contract: hidden fragments are never shaded. A quad that shows several triangles runs the shader once
+// for each of them, with its other pixels as helpers. Hardware does the same, so derivatives are the same.
 // Kernel / Twin: src/compute/shade.rs; no twin, the shader is the user's.
 //
-// One subgroup is one workgroup is one bin. Each lane looks at another quad of the bin and counts the
-// triangles that it shows; what there is to shade, a quad and one of its triangles, is then numbered
-// through, and as many of these are taken at a time as the subgroup has quads, so that quads with one
-// triangle do not wait for quads with four. `docs/tried.md` says what was tried.
+// Each workgroup is one subgroup and shades one bin. Each lane takes a different quad of the bin and counts
+// the triangles that the quad shows. The pairs of a quad and one of its triangles are then numbered, and
+// the subgroup shades as many pairs at a time as it has quads of lanes. So a quad that shows one triangle
+// does not wait for a quad that shows four. `docs/tried.md` lists the alternatives that were tried.
 #version 460
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 
-layout(constant_id = SPEC_WIDTH) const uint WIDTH = 8u;
+layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 
 #include "fragment.glsl"
 
@@ -25,14 +25,14 @@ layout(scalar, binding = 5) readonly buffer ShadeBins { uvec2 shade_bins[]; };
 layout(scalar, binding = 6) readonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 7) writeonly buffer Color { uint color[]; };
 
-// A key that a pixel shows, 0 if its triangle is another fragment kernel's.
+// `key`, or 0 if another fragment kernel shades its triangle.
 uint own_key(const uint key) {
     if (key == 0u) return key;
     uint piece = triangles[key_triangle(key, batch.extra_first)].shading[1].y;
     return pieces[piece].fragment_kernel == batch.fragment_kernel ? key : 0u;
 }
 
-// One bit for each pixel of a quad that is the first there to show its triangle.
+// One bit for each pixel of the quad that shows a triangle which no earlier pixel of the quad shows.
 uint first_shown(const uvec4 keys) {
     bool y = keys.y != keys.x, z = keys.z != keys.x && keys.z != keys.y;
     bool w = keys.w != keys.x && keys.w != keys.y && keys.w != keys.z;
@@ -45,9 +45,9 @@ void main() {
     uvec2 position = bin_position(entry.x);
     uint covering = entry.y, first_quad = (position.y * batch.bins_x + position.x) * BIN_QUADS;
     uint lane = gl_SubgroupInvocationID;
-    [[dont_unroll]] for (uint first = 0u; first < BIN_QUADS; first += WIDTH) {
+    [[dont_unroll]] for (uint first = 0u; first < BIN_QUADS; first += SUBGROUP_WIDTH) {
         uvec4 keys = uvec4(covering);
-        uint shown = 1u, through = lane + 1u, count = min(WIDTH, BIN_QUADS - first);
+        uint shown = 1u, through = lane + 1u, count = min(SUBGROUP_WIDTH, BIN_QUADS - first);
         if (covering == 0u) {
             if (first + lane < BIN_QUADS) keys = visibility[first_quad + first + lane];
             if (batch.fragment_kernels > 1u) {
@@ -55,17 +55,17 @@ void main() {
             }
             shown = first_shown(keys);
             through = subgroupInclusiveAdd(bitCount(shown));
-            count = subgroupShuffle(through, WIDTH - 1u);
+            count = subgroupShuffle(through, SUBGROUP_WIDTH - 1u);
         }
-        [[dont_unroll]] for (uint next = 0u; next < count; next += WIDTH / 4u) {
-            // Quads for which there is nothing left help with the last: all lanes stay together, and none
-            // holds an undefined table slot.
+        [[dont_unroll]] for (uint next = 0u; next < count; next += SUBGROUP_WIDTH / 4u) {
+            // If fewer pairs than quads of lanes are left, the spare lanes repeat the last pair. So all lanes
+            // stay together, and none holds an undefined table slot.
             uint n = min(next + (lane >> 2), count - 1u), from = n, key = covering;
             bool mine = next + (lane >> 2) < count;
             if (covering == 0u) {
-                // The lane that counted the `n`th, and which of its pixels that is.
+                // Finds the lane that counted the `n`th pair, and the pixel that stands for it in that lane's quad.
                 from = 0u;
-                [[unroll]] for (uint step = WIDTH / 2u; step > 0u; step >>= 1) {
+                [[unroll]] for (uint step = SUBGROUP_WIDTH / 2u; step > 0u; step >>= 1) {
                     if (subgroupShuffle(through, from + step - 1u) <= n) from += step;
                 }
                 uint bits = subgroupShuffle(shown, from);
@@ -80,7 +80,7 @@ void main() {
 
             uvec2 pixel = (position << BIN_SIZE_LOG2) + tile_pixel((first + from) * 4u + QUAD_LANE);
             shade(bind_triangle(key), ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
-            // No `continue`: the lanes of the quad must be together again for the next one.
+            // No `continue`: the lanes of the quad must be together again for the next pair.
             if (mine) {
                 uvec2 words = color_encode(FORMAT, uintBitsToFloat(color_bits));
                 uint at = pixel.y * batch.width + pixel.x;

@@ -1,27 +1,28 @@
-// What raster leaves for shading: pixels in their places, and for each fragment kernel of the batch the bins
-// where it has some. What includes this has declared `triangles` and `pieces`.
+// The results that raster leaves for shading: the pixels in `depth` and `visibility`, and for each fragment
+// kernel of the batch a list of the bins in which it has pixels. The file that includes this one declares
+// `triangles` and `pieces`.
 #ifndef SHADE_LISTS_GLSL
 #define SHADE_LISTS_GLSL
 #include "bin.glsl"
 #include "lib/key.glsl"
 
-// For each fragment kernel the arguments of its dispatch, one workgroup column per bin.
+// The arguments of each fragment kernel's dispatch: one workgroup for each bin.
 layout(scalar, binding = 7) buffer ShadeArgs { uvec3 shade_args[]; };
-// `batch.bins` entries for each fragment kernel: a bin, and the key of the triangle that covers it, or 0.
+// `batch.bins` entries for each fragment kernel: a bin, and the key of the triangle that covers all of it, or 0.
 layout(scalar, binding = 8) writeonly buffer ShadeBins { uvec2 shade_bins[]; };
 
-// The number among the batch's fragment kernels of the one that shades the triangle of `key`.
+// The fragment kernel that shades the triangle of `key`, as its number in the batch.
 uint fragment_kernel_of(const uint key) {
     if (batch.fragment_kernels == 1u) return 0u;
     return pieces[triangles[key_triangle(key, batch.extra_first)].shading[1].y].fragment_kernel;
 }
 
-// Brings depth and keys of the bin's pixels to where they belong; finds which fragment kernels they ask for,
-// and the bounds of depth.
+// Copies the depth and the keys of the bin's pixels to `depth` and `visibility`. Returns a bit in `shown` for
+// each fragment kernel that has pixels in the bin, and the bounds of the bin's depth.
 void finish(const Bin bin, out uint shown, out vec2 bounds) {
     shown = 0u;
     bounds = vec2(2.0, -1.0);
-    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += WIDTH) {
+    [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
         uint key = 0u;
         if (in_target(bin, p)) {
@@ -37,7 +38,7 @@ void finish(const Bin bin, out uint shown, out vec2 bounds) {
     shown = subgroupOr(shown);
 }
 
-// Lists a bin and what covers it for each fragment kernel that has a bit in `kernels`; all lanes have the same arguments.
+// Adds the entry `listed` to the list of each fragment kernel that has a bit in `kernels`; all lanes have the same arguments.
 void list_for_shading(uint kernels, const uvec2 listed) {
     while (kernels != 0u) {
         uint kernel = uint(findLSB(kernels));

@@ -1,8 +1,8 @@
 //! Finds a libshaderc that links, for the feature `glsl`.
 //!
-//! The crate `shaderc-sys` links whichever `libshaderc.so` it finds. That of Debian 12 lacks half its symbols,
-//! and where there is none, the crate compiles one for a quarter of an hour. So the library is tried here
-//! first. If the shared one does not link, the static archives beside it stand in for it: a linker script
+//! The crate `shaderc-sys` links whichever `libshaderc.so` it finds. The one of Debian 12 lacks half its symbols.
+//! If there is no library, the crate compiles one, which takes a quarter of an hour. So the library is tried
+//! here first. If the shared one does not link, the static archives beside it stand in for it: a linker script
 //! called `libshaderc.so`, in a folder that is searched before the system's, names them.
 
 use std::{
@@ -11,8 +11,8 @@ use std::{
     process::{Command, Stdio},
 };
 
-/// The static archives of Debian 12, shaderc's own first. What is not there is left out: other releases
-/// have fewer.
+/// The static archives of Debian 12, shaderc's own first. Archives that do not exist are left out: other
+/// releases have fewer.
 const ARCHIVES: &[&str] = &[
     "shaderc_combined",
     "glslang",
@@ -30,14 +30,14 @@ const ADVICE: &str = "the feature `glsl` needs the system's libshaderc, and no p
     Install it (Debian, Ubuntu: sudo apt-get install libshaderc-dev) or name its folder in SHADERC_LIB_DIR; \
     or take the feature `glsl-bundled` instead, which compiles a GLSL compiler from C++ (some minutes)";
 
-/// Which library it is, in words that change when it is replaced.
+/// Identifies the library, by a text that changes when the library is replaced.
 ///
 /// # Errors
-/// What to do where none links.
+/// The steps to take, if no library links.
 pub fn find() -> Result<String, String> {
     for variable in ["SHADERC_LIB_DIR", "VULKAN_SDK"] {
         println!("cargo:rerun-if-env-changed={variable}");
-        // Who names a library is taken at their word, as shaderc-sys does.
+        // A library that the user names is used as it is; shaderc-sys does the same.
         if let Ok(folder) = env::var(variable) {
             return Ok(folder);
         }

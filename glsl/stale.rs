@@ -1,9 +1,9 @@
 //! Whether `glsl/spirv/` is older than the GLSL it was made from.
 //!
 //! The SPIR-V of `glsl/` is part of the repository, so that no build waits for a GLSL compiler. Beside it
-//! stands a checksum of each text that it was compiled from, which is compared here. What the kernels take
-//! from `src/abi.rs` is compared by the compiler itself (`glsl/spirv/layout.rs`), and that each file is what
-//! its GLSL gives, by the tests of `glsl/tool`.
+//! is a checksum of each text that it was compiled from; this file compares it. The compiler itself compares the
+//! constants and structs that the kernels take from `src/abi.rs` (`glsl/spirv/layout.rs`). The tests of
+//! `glsl/tool` check that compiling the GLSL gives these very files.
 
 use super::source;
 use std::{fs, path::Path};

@@ -1,17 +1,17 @@
-// Vertex: the user's vertex shader, once for each vertex slot.
+// Vertex: runs the user's vertex shader once for each vertex slot.
 //
 // Reads: pieces, index buffers, vertex buffers and whatever the shader binds.
 // Writes: the clip-space position and the varyings of each slot; its window position and outcode.
-// Contract: slot `s` holds what the graphics pipeline's vertex stage would output for that vertex
-// and instance; the stage stores nothing else. Window positions are those of
-// `lib/window.glsl`, and mean nothing where the outcode says that there is none.
+// Contract: slot `s` holds the outputs that the graphics pipeline's vertex stage would give for that vertex
+// and instance; the stage stores nothing else. Window positions are those of `lib/window.glsl`; where the
+// outcode says that there is none, they hold any value.
 // Kernel / Twin: src/compute/vertex.rs; no twin, the shader is the user's.
 //
-// The shader is spliced into `tw_user_bind` and `tw_user_main`; the functions and globals called tw_* are
-// what it sees. An invocation takes VERTEX_ROUNDS slots, one after the other: most of them belong to the
-// same piece, whose fields, attributes and uniforms it fetches once. What can be said of a vertex before it
-// is known which triangles it belongs to is said here: in a closed mesh each has six of them, and dividing
-// and moving it to the viewport for each of these was a third of the primitive stage.
+// The shader is spliced into `tw_user_bind` and `tw_user_main`; it sees the functions and globals called
+// tw_*. An invocation takes VERTEX_ROUNDS slots, one after the other. Most of them belong to the same piece,
+// so that its fields, attributes and uniforms are fetched once. Window position and outcode depend on the
+// vertex alone, so they are computed here: in a closed mesh each vertex belongs to six triangles, and
+// computing them once for each triangle was a third of the primitive stage.
 #version 460
 #include "pieces.glsl"
 #include "lib/quad.glsl"
@@ -56,7 +56,7 @@ void tw_output(const in uint location, const in uint component, const in uint co
     }
 }
 
-// All are replaced by the splicer; they call every hook, so that none is optimised away.
+// The splicer replaces these bodies. They call every hook, so that the compiler keeps all hooks.
 void tw_user_bind() {
     tw_bind_attribute(tw_block_words(tw_resource(0u), 0u, 0u).x);
 }
@@ -69,7 +69,7 @@ void tw_user_main() {
     tw_output(0u, 0u, 4u, tw_attribute_uint(0u) + floatBitsToUint(tw_attribute_float(0u)));
 }
 
-// The run whose piece holds `slot`.
+// The index in `runs` of the piece that holds `slot`.
 uint run_of_slot(const uint slot) {
     uint low = batch.run_first, high = batch.run_first + batch.run_count - 1u;
     while (low < high) {
@@ -81,7 +81,7 @@ uint run_of_slot(const uint slot) {
     return low;
 }
 
-// Makes `index` the piece of the slots that follow; all lanes of a quad call it together.
+// Binds the piece `index` for the slots that follow; all lanes of a quad call this together.
 void bind(const uint index) {
     uvec4 numbers = of_quad(pieces[index].numbers[QUAD_LANE]);
     uvec4 vertices = of_quad(pieces[index].vertices[QUAD_LANE]);
@@ -114,8 +114,8 @@ void bind(const uint index) {
     bound_instance = NONE;
 }
 
-// Makes `instance`, of the bound piece's draw, that of the attributes per instance. Most vertices find it bound;
-// lavapipe jumps over a branch only if there is another one in it.
+// Binds the per-instance attributes of `instance`, an instance of the bound piece's draw. Most vertices find it bound
+// already. The second branch is there for lavapipe, which jumps over a branch only if it contains another one.
 void bind_instance(const uint instance) {
     [[dont_flatten]] if (instance != bound_instance) {
         bound_instance = instance;
@@ -128,15 +128,15 @@ void main() {
     uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
     uint first = batch.slot_first + group * LANES * VERTEX_ROUNDS + lane;
     uint end = batch.slot_first + batch.slot_count; // a multiple of QUAD: quads stay together
-    uint bound_end = 0u; // the first slot that is not the bound piece's
+    uint piece_end = 0u; // the first slot after those of the bound piece
     [[dont_unroll]] for (uint round = 0u; round < VERTEX_ROUNDS; round++) {
-        // Lanes beyond the end bind too: one that is switched off may still make a driver look at whatever
-        // table slot it holds.
+        // Lanes beyond the end bind a piece too: a driver may access the table slot of a lane even while the
+        // lane is switched off.
         uint slot = min(first + round * LANES, end - QUAD + QUAD_LANE);
-        if (slot >= bound_end) {
+        if (slot >= piece_end) {
             uint run = run_of_slot(slot);
-            bound_end = end;
-            if (run + 1u < batch.run_first + batch.run_count) bound_end = pieces[runs[run + 1u]].vertices.z;
+            piece_end = end;
+            if (run + 1u < batch.run_first + batch.run_count) piece_end = pieces[runs[run + 1u]].vertices.z;
             bind(runs[run]);
         }
         if (first + round * LANES >= end) break;

@@ -28,7 +28,7 @@ shared_constants! {
     pub const CELL_LOG2_3: u32 = MAX_EXTENT_LOG2;
     /// A triangle is listed in at most this many cells; one that touches more goes one level up.
     pub const MAX_CELLS: u32 = 16;
-    /// Cells under a bounding box up to which the exact count is worth its loop.
+    /// The most cells under a bounding box for which counting them exactly is worth its loop.
     pub const MAX_CELLS_TESTED: u32 = 64;
     /// Log2 of the largest target edge in pixels.
     pub const MAX_EXTENT_LOG2: u32 = 14;
@@ -40,15 +40,16 @@ shared_constants! {
     pub const KEY_LOG2: u32 = 3;
     /// Fragment pipelines of one batch: one bit each in a bin's mask.
     pub const MAX_FRAGMENT_KERNELS: u32 = 32;
-    /// Which bits of a pixel's number in its bin are its column's; the others are its row's. Four 8x8 quadrants,
-    /// each of 4x4 quads of 2x2 pixels: any power-of-two run of consecutive pixels from 4 on is a rectangle.
+    /// The bits of a pixel's number in its bin that are its column; the other bits are its row. A bin has four 8x8
+    /// quadrants, each of 4x4 quads of 2x2 pixels. So 4 or more consecutive pixels that are a power of two in
+    /// number, and begin at a multiple of it, are a rectangle.
     pub const PIXEL_COLUMN_BITS: u32 = 0b0100_1101;
     /// Lanes of a quad. They are always of one piece.
     pub const QUAD: u32 = 4;
     /// Bytes of a vertex or index buffer, as a power of two, that one slot of the resource table shows;
     /// longer buffers take several that follow each other. A binding reaches 2^27 bytes on every device.
     pub const WINDOW_LOG2: u32 = 26;
-    /// Bytes that such a slot shows beyond its own, so that it has all of an attribute that begins in it.
+    /// Bytes that such a slot shows beyond its own, so that it shows all of an attribute that begins in it.
     pub const WINDOW_OVERLAP: u32 = 16;
     /// Invocations of a workgroup where nothing else decides.
     pub const GROUP: u32 = 64;
@@ -74,8 +75,8 @@ shared_constants! {
     pub const SPEC_FORMAT: u32 = 65538;
     /// Specialization constant: when the depth test happens, one of `DEPTH_*`.
     pub const SPEC_DEPTH: u32 = 65540;
-    /// Specialization constant: a bit for each varying location that the fragment shader reads; what a vertex
-    /// shader writes to others is not stored.
+    /// Specialization constant: a bit for each varying location that the fragment shader reads. Outputs of the
+    /// vertex shader at other locations are not stored.
     pub const SPEC_READ: u32 = 65543;
     /// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
     /// there is none: its `Component`, the number of components from bit
@@ -89,13 +90,13 @@ shared_constants! {
     pub const DEPTH_EARLY_TEST: u32 = 0;
     /// Depth test and write after the shader.
     pub const DEPTH_LATE: u32 = 1;
-    /// Depth test and write before the shader, as `layout(early_fragment_tests)` demands and as nobody can
-    /// tell from later where the shader always keeps its fragment as it is.
+    /// Depth test and write before the shader, as `layout(early_fragment_tests)` demands. It is also used if the
+    /// shader always keeps its fragment: then an early write gives the same picture as a late one.
     pub const DEPTH_EARLY: u32 = 2;
 
     /// Word that stands for "none": no index buffer, no attribute.
     pub const NONE: u32 = 0xffff_ffff;
-    /// Instead of the cell that lists a primitive: there are several of them, or parts that clipping made.
+    /// Stands in for the cell that lists a primitive, if several cells list it or it was clipped.
     pub const SEVERAL_CELLS: u32 = NONE - 1;
 
     /// Descriptor set of the engine's own buffers.
@@ -131,7 +132,7 @@ shared_constants! {
 
 const _: () = assert!(WINDOW_OVERLAP == 4 * 4, "four components of four bytes at most");
 
-/// What one dispatch knows of its batch: the push constants of every kernel.
+/// The batch as one dispatch sees it: the push constants of every kernel.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Batch {
@@ -171,14 +172,14 @@ pub struct Batch {
     pub fragment_kernel: u32,
     /// Fragment kernels of the batch.
     pub fragment_kernels: u32,
-    /// Not 0 where a trace wants to know what the product does not: which primitives draw nothing, and the
-    /// keys of ordered work.
+    /// Not 0 if the batch is traced. A trace also records facts that a picture does not need: the primitives
+    /// that draw nothing, and the keys of ordered work.
     pub traced: u32,
-    /// Not 0 if another batch of opaque work follows, which will ask for the bounds of the bins.
+    /// Not 0 if another batch of opaque work follows, which reads the bounds of the bins.
     pub followed: u32,
 }
 
-/// What the clear stores: the push constants of its kernel.
+/// The push constants of the clear kernel.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Clear {
@@ -190,11 +191,12 @@ pub struct Clear {
 
 /// A run of consecutive primitives of one draw inside one batch.
 ///
-/// Kernels fetch it four words at a time: first what shading needs, then what the vertex stage does.
+/// Kernels fetch it four words at a time. The fields that shading needs come first, then those that the
+/// vertex stage needs.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Piece {
-    /// Number in the draw, instances counted through, of its first primitive.
+    /// Number in the draw of its first primitive; the count goes on from instance to instance.
     pub first_in_draw: u32,
     /// Primitives of one instance of the draw.
     pub primitives_per_instance: u32,
@@ -270,7 +272,7 @@ pub struct Piece {
     pub blend_alpha: u32,
 }
 
-/// Where one input location of a vertex shader reads.
+/// The memory that one input location of a vertex shader reads.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Attribute {
@@ -282,8 +284,8 @@ pub struct Attribute {
     pub stride: u32,
 }
 
-/// A triangle after setup: what raster, z-test and shading need of it. The second half, four words for
-/// each lane of a quad, is what shading reads.
+/// A triangle after setup, for raster, z-test and shading. Shading reads only the second half, two words for
+/// each lane of a quad.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Triangle {

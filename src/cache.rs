@@ -1,12 +1,12 @@
-//! Results on disk that are slow to make again: compiled shaders and pipelines.
+//! A cache on disk for results that are slow to make: compiled shaders and pipelines.
 //!
 //! One file per result in `tilewright` under `XDG_CACHE_HOME`, or `~/.cache`. The folder may be
 //! deleted at any time; `TILEWRIGHT_CACHE=off` uses none. A file is replaced as a whole and carries
-//! a checksum, since a run may be killed and a disk may be full; one that cannot be read or written
-//! is as good as none: a cache never fails a run.
+//! a checksum, since a run may be killed and a disk may be full. A file that cannot be read or written is
+//! treated as missing: a cache never fails a run.
 //!
-//! Spliced kernels are not kept: splicing takes less than a millisecond, about what it takes to read
-//! and check them.
+//! Spliced kernels are not kept: splicing takes less than a millisecond, about as long as reading and
+//! checking a file.
 
 use std::{
     io::Write,
@@ -39,7 +39,7 @@ pub(crate) fn write(file: &Path, content: &[u8]) {
     }
 }
 
-/// FNV-1a, for names and against broken files. What must not be confused is compared in full.
+/// FNV-1a, for file names and to detect broken files. A key is compared in full, not by its hash.
 pub(crate) fn checksum<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
     parts
         .into_iter()

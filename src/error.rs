@@ -1,11 +1,11 @@
-//! One error type for the library; its variants are what a caller can do something about.
+//! The library's one error type. Its variants differ in what the caller can do about the error.
 
 use std::path::PathBuf;
 
 /// The result of every fallible operation of the library.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What went wrong, grouped by what the caller can do about it.
+/// A fault, grouped by what the caller can do about it.
 ///
 /// Messages say what failed, on which device or in which file, the limit and the wanted value, and
 /// what to do next. The command-line tool maps each variant to one exit code.
@@ -26,7 +26,7 @@ pub enum Error {
         /// The fault, as a sentence without the file name.
         reason: String,
     },
-    /// A shader that does not compile or uses what is out of reach (exit code 4).
+    /// A shader that does not compile or uses a feature that is out of reach (exit code 4).
     #[error("shader `{shader}`: {reason}")]
     Shader {
         /// The shader's label.
@@ -51,7 +51,7 @@ pub enum Error {
         /// What to do next.
         advice: String,
     },
-    /// As [`Error::Capacity`], for what is not counted in bytes or whose size only the driver knows
+    /// As [`Error::Capacity`], for things that are not counted in bytes or whose size only the driver knows
     /// (exit code 6). Names the limit where there is one.
     #[error("{0}")]
     Full(String),

@@ -30,7 +30,7 @@ impl Format {
 /// missing components become 0, a missing fourth becomes 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct VertexFormat {
-    /// How one component is stored and what the shader sees of it.
+    /// How one component is stored, and how the shader sees it.
     pub component: Component,
     /// Components, 1 to 4.
     pub count: u8,

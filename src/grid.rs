@@ -81,7 +81,8 @@ impl Grid {
     }
 }
 
-/// The number in its bin of the pixel (`x`, `y`) of the band: visibility lies in this order, and lanes take pixels in it.
+/// The number in its bin of the pixel (`x`, `y`) of the band. Visibility is stored in this order, and lanes take
+/// pixels in this order.
 pub fn pixel_number(x: u32, y: u32) -> u32 {
     let (mut number, mut x, mut y) = (0, x, y);
     for bit in 0..abi::BIN_PIXELS.ilog2() {
@@ -92,8 +93,8 @@ pub fn pixel_number(x: u32, y: u32) -> u32 {
     number
 }
 
-/// What the buffers of a batch are sized for. Every capacity is the worst case of
-/// [`Capacities::primitives`] primitives, so that no batch can overflow any buffer.
+/// The sizes of a batch's buffers. Every capacity is the worst case of [`Capacities::primitives`] primitives,
+/// so that no batch can overflow any buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capacities {
     /// Primitives of a batch.
@@ -106,7 +107,7 @@ pub struct Capacities {
 
 impl Capacities {
     /// 262,144 primitives: triangles of 112 MiB and lists of 112 MiB if all of them were clipped into
-    /// seven, which is what a storage buffer may hold on common devices; untouched memory costs nothing
+    /// seven, which fits a storage buffer on common devices; untouched memory costs nothing
     /// where the host's is the device's; positions of 16 MiB in clip space and of 16 MiB in the window;
     /// varyings of 16 MiB, which later stages then find near the processor: a mesh without shared
     /// vertices took 5 % longer with 128.
@@ -130,14 +131,15 @@ impl Capacities {
         }
     }
 
-    /// Words of varyings of a batch whose vertices the following ones share: to shade them once is worth
-    /// more than to have them near. With [`Capacities::VARYING_OVERHANG`], a binding still holds them.
+    /// Words of varyings of a batch whose vertices the following batches share. It is larger than for other
+    /// batches: shading vertices only once gains more than keeping them in the caches. With
+    /// [`Capacities::VARYING_OVERHANG`], one binding still holds them.
     pub const fn shared_varying_words(&self) -> u64 {
         8 * self.varying_words as u64 - Self::VARYING_OVERHANG as u64
     }
 
-    /// Words that are read beyond the last vertex's varyings: locations are read by twos, and there may be
-    /// an odd number of them.
+    /// Words that kernels read beyond the last vertex's varyings: they read two locations at a time, and a
+    /// vertex may have an odd number of them.
     pub const VARYING_OVERHANG: u32 = 4;
 
     /// Triangles: each primitive can be clipped into [`abi::MAX_CLIPPED`].

@@ -1,4 +1,4 @@
-//! Pictures in host memory: what executors return and textures are made of.
+//! Pictures in host memory. Executors return them, and textures are made of them.
 
 pub mod png;
 
@@ -85,8 +85,8 @@ impl Image {
     /// The picture with each colour divided by its alpha, as [`Format::Rgba8Srgb`].
     ///
     /// Blending over a target that was cleared to a translucent or transparent colour leaves colours
-    /// multiplied by their alpha, and files such as PNG hold them undivided: shown as they are, what
-    /// is translucent gets dark fringes. Where alpha is 0 there is no colour, and black stands.
+    /// multiplied by their alpha. Files such as PNG hold colours that are not multiplied: without the
+    /// division, translucent parts would get dark fringes. Where alpha is 0, the result is black.
     ///
     /// # Errors
     /// [`Error::Usage`] unless the format is [`Format::Rgba16Float`]: 8 bits of a product are too few
@@ -176,7 +176,7 @@ fn shown([r, g, b, a]: [f32; 4]) -> [u8; 4] {
     [r, g, b, a].map(to_unorm8)
 }
 
-/// Rounds to the nearest of 0..=255, of two that are as near to the even one, as kernels do;
+/// Rounds to the nearest of 0..=255, ties to even, as kernels do;
 /// not-a-number becomes 0, as the specification of UNORM says.
 fn to_unorm8(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0).round_ties_even() as u8

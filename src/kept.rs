@@ -1,8 +1,8 @@
-//! What an executor keeps from pass to pass because it is expensive to make, found by content.
+//! Objects that an executor keeps from pass to pass because they are expensive to make, found by content.
 //!
-//! The rule for all of it: a thing stays while a prepared pass holds it, and otherwise until
+//! One rule holds for all of them: an object stays while a prepared pass holds it, and otherwise until
 //! [`KEPT_PASSES`] passes in a row have not used it. So an executor that draws the same shaders in every
-//! frame makes nothing twice, and one that draws others in every frame does not grow.
+//! frame makes nothing twice, and an executor that draws new shaders in every frame does not grow.
 
 use std::{borrow::Borrow, collections::HashMap, hash::Hash};
 
@@ -31,8 +31,8 @@ impl<K, V> Default for Kept<K, V> {
 }
 
 impl<K: Eq + Hash, V> Kept<K, V> {
-    /// Begins another pass, and lets go what the rule says. `is_held` tells whether a prepared pass holds
-    /// a value.
+    /// Begins another pass, and drops values by the rule. `is_held` tells whether a prepared pass holds a
+    /// value.
     pub fn next_pass(&mut self, is_held: impl Fn(&V) -> bool) {
         self.pass += 1;
         let pass = self.pass;

@@ -4,14 +4,14 @@
 //! and draws. Three executors take the same pass:
 //!
 //! * [`compute`]: the product. Every stage from vertex fetch to blending is a compute kernel; users'
-//!   shaders are spliced into those that run them. No hardware raster stage, no decision by the CPU inside a frame.
+//!   shaders are spliced into kernels. No hardware raster stage, no decision by the CPU inside a frame.
 //! * [`classic`]: `vkCmdDraw` on the same device. The opponent, and the proof that the picture is the one
 //!   the device would have drawn.
-//! * [`mod@reference`]: the CPU, exact, in the simplest way that could be right: the truth about coverage, depth
-//!   and primitive ids.
+//! * [`mod@reference`]: exact and on the CPU, each stage in the simplest way that could be right. It defines the
+//!   right coverage, depth and primitive ids.
 //!
-//! Everything else ([`scene`], [`compare`], `bench`, [`cli`]) is a user of that vocabulary like anyone else. The
-//! engine contains no shading of its own: a glTF material is an ordinary pair of shaders too.
+//! Everything else ([`scene`], [`compare`], `bench`, [`cli`]) uses these types like any other program. The engine
+//! contains no shading of its own: a glTF material is an ordinary pair of shaders too.
 //!
 //! # Code map
 //!
@@ -36,21 +36,21 @@
 //!
 //! # Features
 //!
-//! `cli` (on by default) is the tool and what it needs. `glsl` compiles users' GLSL at run time by the
-//! system's libshaderc, `glsl-bundled` by a compiler that is built along. With neither, shaders are handed in
-//! as SPIR-V; the crate's own are SPIR-V anyway.
+//! `cli` (on by default) is the tool with its dependencies. `glsl` compiles users' GLSL at run time by the
+//! system's libshaderc, `glsl-bundled` by a compiler that is built with the crate. With neither, users hand in
+//! their shaders as SPIR-V; the crate's own shaders are always SPIR-V.
 //!
 //! # Invariants, as things that are absent
 //!
 //! * No `unsafe` and no Vulkan type outside [`vk`] and [`classic`].
-//! * No float operation behind coverage or depth but those that Vulkan defines exactly, and routines made of
-//!   them; so no device and no CPU can disagree.
+//! * No float operation behind coverage or depth except those that Vulkan defines exactly, and routines made of
+//!   them. So no device and no CPU can disagree.
 //! * No overflow that loses a pixel: a batch is cut where its buffers could overflow in the worst case.
 //! * No assumed subgroup width: any from 4 to 128.
-//! * No silent fall-back: what a device lacks or a shader may not do is an [`Error`] that names it.
+//! * No silent fall-back: an [`Error`] names the feature that a device lacks or that a shader may not use.
 //! * No buffers in `glsl/lib`: arithmetic there, buffers in the kernels.
 //!
-//! `tests/tidy.rs` checks what no compiler does.
+//! `tests/tidy.rs` checks the invariants that no compiler checks.
 #![warn(missing_docs)]
 
 #[macro_use]

@@ -1,8 +1,8 @@
 //! SPIR-V into `rspirv`'s data representation, with the instructions that `rspirv` 0.13 cannot read.
 //!
-//! It takes each operand of the operation inside an `OpSpecConstantOp` for exactly one, also where there may
-//! be any number of them: the literals of `VectorShuffle`, `CompositeExtract` and `CompositeInsert`. Such
-//! instructions are read here.
+//! `rspirv` reads exactly one literal of an operation inside an `OpSpecConstantOp`, although `VectorShuffle`,
+//! `CompositeExtract` and `CompositeInsert` have any number of literals. This module reads such instructions
+//! itself.
 
 use rspirv::{
     dr::{self, Instruction, Module, Operand},
@@ -16,7 +16,7 @@ const WITH_LITERALS: [(Op, usize); 3] =
 /// Reads a module.
 ///
 /// # Errors
-/// What is no module.
+/// The reason, if the words are no module.
 pub fn load(words: &[u32]) -> Result<Module, String> {
     let (plain, read) = without_unreadable(words);
     let mut module = dr::load_words(&plain).map_err(|e| e.to_string())?;

@@ -63,11 +63,11 @@ pub enum StepRate {
 pub struct VertexBinding {
     /// Bytes from one element to the next; 0 reads the same element for all.
     pub stride: u32,
-    /// When it advances.
+    /// How often it advances.
     pub rate: StepRate,
 }
 
-/// One attribute: which location of the vertex shader reads what.
+/// One attribute: the memory that a location of the vertex shader reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct VertexAttribute {
     /// `layout(location = …)` of the vertex shader.
@@ -129,15 +129,15 @@ impl Pipeline {
 
 /// One resource that a shader binds.
 ///
-/// A range may be shorter than the shader's block, though not empty. What lies beyond is never other
-/// memory: a shader reads zeros beyond the end of a uniform block, and beyond that of a storage block what
-/// Vulkan's `robustBufferAccess` allows, which is zeros on most devices; what it writes there vanishes. The
-/// length of a run-time array counts the elements that the range has room for.
+/// A range may be shorter than the shader's block, but not empty. A shader never reaches other memory beyond
+/// its end. Beyond the end of a uniform block it reads zeros. Beyond the end of a storage block it reads what
+/// Vulkan's `robustBufferAccess` allows, which is zeros on most devices, and its writes vanish. The length of
+/// a run-time array is the number of elements that the range has room for.
 #[derive(Clone, Debug)]
 pub enum Binding {
     /// A uniform block.
     Uniform(BufferRange),
-    /// A storage block. What shaders write is not visible outside the pass.
+    /// A storage block. Writes of shaders are not visible outside the pass.
     Storage(BufferRange),
     /// `sampler2D`.
     Sampled(Arc<Texture>, Sampler),
@@ -289,7 +289,7 @@ impl Pass {
     }
 }
 
-/// What a device executor returns of a [`Pass`].
+/// The targets of a [`Pass`], as a device executor returns them.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// The colour target.

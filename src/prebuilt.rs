@@ -1,6 +1,6 @@
 //! The SPIR-V that the library contains: the engine's kernels, the scenes' shaders, the benchmark's, the id
-//! shader. `cargo spirv` makes the files of `glsl/spirv/` from the GLSL beside them; what keeps them in
-//! step is said in `glsl/build.rs`.
+//! shader. `cargo spirv` makes the files of `glsl/spirv/` from the GLSL beside them; `glsl/build.rs` explains
+//! how the two are kept in step.
 
 // Whether constants and structs of `abi` are those that the kernels were compiled with.
 #[rustfmt::skip]

@@ -1,5 +1,5 @@
-//! Facts that the kernels know too, written down once: a macro keeps each with its name, and `cargo spirv` hands
-//! names and numbers to GLSL as macros.
+//! Macros for constants and enums that the kernels share. Each is written down once, in Rust; `cargo spirv` hands
+//! its name and its number to GLSL as a macro.
 
 /// Declares constants, and `CONSTANTS`, the name and the value of each.
 macro_rules! shared_constants {

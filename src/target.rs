@@ -2,7 +2,7 @@
 
 use crate::format::Format;
 
-/// A colour target and what it holds before the first draw.
+/// A colour target and its clear colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorTarget {
     /// [`Format::Rgba8Unorm`], [`Format::Rgba8Srgb`] or [`Format::Rgba16Float`].
@@ -11,7 +11,7 @@ pub struct ColorTarget {
     pub clear: [f32; 4],
 }
 
-/// A depth target ([`Format::D32Float`]) and what it holds before the first draw.
+/// A depth target ([`Format::D32Float`]) and its clear depth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DepthTarget {
     /// Clear depth in 0..=1.

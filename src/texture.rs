@@ -15,7 +15,7 @@ pub struct Texture {
     pub levels: Vec<Vec<u8>>,
 }
 
-/// What a sampler does outside 0..=1.
+/// How a sampler treats coordinates outside 0..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// Repeat.

@@ -158,7 +158,8 @@ fn both(gpu: &Gpu, apart: usize, depth: DepthState, primitives: u32) {
     }
 }
 
-/// What is the same for all vertices of an instance is fetched once for each; batches end within instances.
+/// Attributes that are the same for all vertices of an instance are fetched once for each instance. Batches end
+/// within instances.
 #[test]
 fn attributes_per_instance_and_constant_ones_reach_every_vertex() {
     on_each_gpu("attributes per instance and constant ones reach every vertex", |gpu| {
@@ -178,7 +179,7 @@ fn what_no_fragment_shader_reads_is_not_stored() {
     assert_eq!(counts.varying_words, u64::from(4 * (6 + 1) * 4 * COLUMNS * ROWS));
 }
 
-/// Who shows a picture needs no depth.
+/// A caller that only shows a picture needs no depth.
 #[test]
 fn the_colour_alone_is_that_of_the_frame() {
     on_each_gpu("the colour alone is that of the frame", |gpu| {

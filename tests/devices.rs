@@ -66,7 +66,7 @@ fn mixed(words: &[&str], make: impl Fn(&mut Handles, &mut Handles) -> Result<()>
     let name = format!("({})", one.gpu.info().name);
     assert_eq!(text.matches(&name).count(), 2, "both devices are named: {text}");
     let number = |part: &str| part.split(' ').next().map(String::from);
-    let numbers: Vec<_> = text.split(" is of device ").skip(1).map(number).collect();
+    let numbers: Vec<_> = text.split(" belongs to device ").skip(1).map(number).collect();
     assert!(numbers.len() == 2 && numbers[0] != numbers[1], "devices are told apart: {text}");
     for word in words {
         assert!(text.contains(word), "`{word}` is not in: {text}");

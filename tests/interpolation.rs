@@ -1,5 +1,5 @@
-//! Is an attribute what its corners say? What is equal at all of them stays so, bit for bit; what is not is as near
-//! to the truth as single precision gets; and the size of the scene does not matter.
+//! Is an attribute interpolated right? A value that is equal at all corners stays equal, bit for bit; any other
+//! value is as near to the truth as single precision allows; and the size of the scene does not matter.
 
 use crate::{
     common::{gpu, on_each_gpu, random::Random},
@@ -192,7 +192,7 @@ fn triangle(random: &mut Random, farther: f32) -> [[f32; 4]; 3] {
     corners
 }
 
-/// A float that arithmetic may keep as it is: devices may flush denormals and rewrite what is no number.
+/// A float that arithmetic may keep as it is: devices may flush denormals and rewrite NaNs.
 fn constant(random: &mut Random) -> f32 {
     let special = [
         0.0,

@@ -1,5 +1,5 @@
-//! Does what executors keep from pass to pass stay bounded, and is nothing made twice? Each pass here wraps
-//! its shaders, textures and buffers anew, as programs do that build a frame from scratch.
+//! Do executors keep a bounded number of objects from pass to pass, and make nothing twice? Each pass here makes
+//! its shaders, textures and buffers anew, as a program does that builds each frame from scratch.
 
 use crate::common::on_each_gpu;
 use std::sync::Arc;
@@ -75,7 +75,7 @@ fn pass(shaders: &(Shader, Shader), draws: usize) -> Pass {
     pass
 }
 
-/// An executor and how to ask what it keeps.
+/// An executor, and how to count the objects that it keeps.
 type Kind<E> = (E, fn(&E) -> Cached);
 
 fn compute(gpu: &Gpu) -> Kind<compute::Renderer> {
@@ -123,7 +123,7 @@ fn shaders_that_are_always_new_do_not_add_up() {
         let kept = (compute.cached().pipelines, classic.cached().pipelines);
         assert!(kept.0 <= 66 && kept.1 <= 65, "{kept:?} after {factor} passes");
     }
-    // What was let go is made again.
+    // Dropped objects are made again.
     draw(&mut compute, &pass(&shaders(0), 1), 0);
     draw(&mut classic, &pass(&shaders(0), 1), 0);
 }

@@ -1,5 +1,5 @@
 //! Is this GLSL function right? A probe kernel runs one function of `glsl/lib` over many inputs, on
-//! every driver, and Rust says what it should have returned.
+//! every driver, and Rust code computes the right result.
 
 use crate::common::{kernel_spirv, on_each_gpu, random::Random};
 use bytemuck::Pod;
@@ -39,7 +39,7 @@ fn probe_as_if<I: Pod, O: Pod>(
     let mut source = format!(
         "#version 460
 #extension GL_EXT_control_flow_attributes : require
-{}const uint WIDTH = {width}u;
+{}const uint SUBGROUP_WIDTH = {width}u;
 const bool GREATER = false;\n",
         constants::defines()
     );

@@ -1,5 +1,5 @@
-//! What is known to be wrong and not mended yet. Each test says what happens today, so that it fails on the
-//! day on which that changes: it then becomes a test of what is right, among those of its kind.
+//! Known faults that are not mended yet. Each test asserts today's behaviour, so that it fails when the behaviour
+//! changes. It then becomes a test of the right behaviour, among the tests of its kind.
 
 use crate::golden::gltf::{Gltf, Mesh};
 use serde_json::json;

@@ -1,5 +1,5 @@
-//! Is anything too much? Passes that bind more than a resource table holds, and buffers longer than one
-//! binding reaches, give the picture that small ones give.
+//! Is anything too much? Passes that bind more than a resource table holds, and buffers longer than one binding
+//! reaches, give the same picture as small ones.
 
 use crate::common::{self, on_each_gpu, open_with, random::Random};
 use std::sync::Arc;
@@ -97,7 +97,7 @@ fn a_pass_may_bind_more_than_a_table_holds() {
         assert!(traced.color == expected.color, "traced with a table of {buffers} buffers");
         assert!(trace.buffers.len() >= 130 / buffers as usize, "{}", trace.buffers.len());
     }
-    // What one draw binds has to be in one table.
+    // All resources of one draw have to be in one table.
     let gpu = small(1);
     let refused = compute::Renderer::new(&gpu).and_then(|mut r| r.render(&pass)).err();
     let Some(Error::Full(said)) = refused else { panic!("{refused:?}") };

@@ -1,5 +1,5 @@
-//! Does a damaged module crash anything? Words of valid modules are changed at random. What the validator
-//! lets through is drawn: the result is an error or a picture, and the process lives.
+//! Does a damaged module crash anything? Words of valid modules are changed at random. Modules that the validator
+//! still accepts are drawn: the result is an error or a picture, and the process lives.
 //!
 //! `MUTATIONS=20000 MUTATION_SEED=1` asks for more of them, from another seed.
 
@@ -42,7 +42,7 @@ fn number(variable: &str, default: u64) -> u64 {
 fn damaged_modules_are_errors_or_pictures() {
     let (count, seed) = (number("MUTATIONS", 200), number("MUTATION_SEED", 1));
     println!("{count} mutations from seed {seed}");
-    // The layer would stop what the validator has let through; this is about the driver.
+    // The layer would stop modules that the validator accepts; this test is about the driver.
     let gpu = open_with(GpuOptions::default());
     let modules = [(Stage::Vertex, VERTEX), (Stage::Fragment, FRAGMENT)]
         .map(|(stage, source)| Shader::from_glsl(stage, "whole", source).expect("a valid shader"));

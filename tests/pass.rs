@@ -1,4 +1,4 @@
-//! Is a pass that makes no sense refused, with words that name the draw, the resource and the fault?
+//! Is an invalid pass refused, with words that name the draw, the resource and the fault?
 
 use std::sync::Arc;
 use tilewright::{

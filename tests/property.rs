@@ -191,8 +191,8 @@ fn the_picture_does_not_depend_on_the_batch_size() {
     });
 }
 
-/// Blended draws that write depth may move it away from the eye. What is opaque after them, in the same
-/// batch or another, has to be tested against that and not against what the bins held before.
+/// Blended draws that write depth may move it away from the eye. Opaque draws after them, in the same batch or
+/// another, have to be tested against the new depth and not against the bins' earlier bounds.
 #[test]
 fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
     on_each_gpu("depth across batches", |gpu| {
@@ -271,7 +271,7 @@ fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
     });
 }
 
-/// What one triangle covers is shaded without asking its pixels, by the fragment kernel of that triangle
+/// A bin that one triangle covers is shaded without asking its pixels, by the fragment kernel of that triangle
 /// and no other; bins where several show something belong to several. Rectangles of three shaders, each
 /// pixel's winner known.
 #[test]

@@ -1,5 +1,5 @@
-//! Does what was reported once stay mended? Users' cases, each under the symptom that was seen. A case that
-//! belongs to a stage or a format stands with the tests of that; here are those of the tool as a whole.
+//! Do reported faults stay mended? Users' cases, each named after its symptom. A case that belongs to a stage or a
+//! format stands with the tests of that stage or format; here are the cases of the tool as a whole.
 
 use crate::cli::tool::run;
 use serde_json::{Value, json};

@@ -1,4 +1,4 @@
-//! Does set-up find what it needs, and leave alone what is there?
+//! Does set-up install the missing packages, and leave the installed ones alone?
 
 use std::{
     fs,

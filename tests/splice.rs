@@ -1,4 +1,4 @@
-//! Does a spliced shader do what the shader says? Shaders run in the least kernels there can be, on
+//! Does a spliced shader compute the right values? Shaders run in the smallest possible kernels, on
 //! every driver, with both kinds of derivatives, as compiled and as an optimizer leaves them.
 
 mod resources;
@@ -25,7 +25,7 @@ use tilewright::{
 const PIXELS: usize = 128;
 const UNTOUCHED: u32 = 0xdead_beef;
 
-/// Where fragments run, and what they read.
+/// The places of the fragments, and their inputs.
 struct Scene<'g> {
     gpu: &'g Gpu,
     table: ResourceTable,

@@ -385,7 +385,7 @@ fn every_module_of_the_suite_runs() {
     report("one binary, every module in it:", &faults);
 }
 
-/// Commands are what a reader copies: each script must be there, each verb and each option known.
+/// Readers copy commands: each script must exist, and each verb and each option must be known.
 #[test]
 fn the_readme_shows_commands_that_exist() {
     let Ok(readme) = fs::read_to_string(root().join("README.md")) else {

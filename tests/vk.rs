@@ -260,7 +260,7 @@ void main() {
     for (uint i = gl_LocalInvocationID.x; i < seen.length(); i += 64u) seen[i] = given[i & 1023u];
 }";
 
-/// Host and device take turns: what one of them is at work on, clones on other threads do not touch.
+/// Host and device take turns: clones on other threads do not touch memory that one of them is using.
 #[test]
 fn a_run_sees_all_of_what_another_thread_writes_or_nothing_of_it() {
     let gpu = gpu();

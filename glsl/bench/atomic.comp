@@ -1,4 +1,4 @@
-// Atomic: what the benchmark measures the device's atomic additions with.
+// Atomic: the benchmark measures the rate of the device's atomic additions with it.
 //
 // Reads and writes: one counter per lane, scattered, so that few lanes meet at the same one.
 // Contract: the counters' sum grows by one per lane.

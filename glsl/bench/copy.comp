@@ -1,4 +1,4 @@
-// Copy: what the benchmark measures the device's memory with.
+// Copy: the benchmark measures the bandwidth of the device's memory with it.
 //
 // Reads: every word of the source. Writes: the same words of the target.
 // Contract: the target holds the source; each lane moves 16 bytes.

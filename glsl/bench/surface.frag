@@ -8,7 +8,7 @@
 layout(constant_id = 1) const uint FRAGMENT_COST = 0;
 // Textures that are read, 0 to 8.
 layout(constant_id = 2) const uint FETCHES = 1;
-// What makes one pipeline another: the way the highlight falls off.
+// Pipelines differ in this constant: it sets how the highlight falls off.
 layout(constant_id = 3) const uint GLOSS = 0;
 
 layout(location = 0) in vec3 in_position;

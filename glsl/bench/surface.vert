@@ -1,7 +1,7 @@
 #version 450
-// A textured, lit surface, as the benchmark's generated scenes draw it. What it costs is set from
-// outside: waves by a specialization constant, further varyings by a macro, since they change the
-// interface.
+// A textured, lit surface, as the benchmark's generated scenes draw it. The benchmark sets its cost: the
+// number of waves is a specialization constant, and the number of further varyings is a macro, since
+// varyings change the interface.
 #ifndef VARYINGS
 #define VARYINGS 0
 #endif
@@ -32,7 +32,7 @@ layout(location = 3) out vec4 out_more[VARYINGS];
 #endif
 
 void main() {
-    // Precise: the classic pipeline and the kernels must place a vertex at the same bits.
+    // Precise: the classic pipeline and the kernels must compute the same bits of a position.
     precise vec4 world = draw.model * vec4(in_position, 1.0);
     precise vec4 clip = frame.view_projection * world;
     gl_Position = clip;

@@ -11,7 +11,7 @@ uint component_bytes(const uint component) {
     }
 }
 
-// The bits the shader sees of a component whose bytes are the low ones of `bits`.
+// The bits that the shader sees of a component; the component's bytes are the low ones of `bits`.
 uint component_value(const uint component, const uint bits) {
     int low8 = bitfieldExtract(int(bits), 0, 8), low16 = bitfieldExtract(int(bits), 0, 16);
     switch (component) {
@@ -26,8 +26,8 @@ uint component_value(const uint component, const uint bits) {
         default: return bits;
     }
 }
-// The pipeline's vertex format: for each location its format as SPEC_ATTRIBUTE
-// of abi.rs says, 0 where the pipeline has no attribute.
+// The pipeline's vertex format: for each location a format as SPEC_ATTRIBUTE of abi.rs
+// defines it, or 0 if the pipeline has no attribute there.
 #define ATTRIBUTE(n) layout(constant_id = SPEC_ATTRIBUTE + n) const uint ATTRIBUTE_##n = 0u;
 ATTRIBUTE(0) ATTRIBUTE(1) ATTRIBUTE(2) ATTRIBUTE(3) ATTRIBUTE(4) ATTRIBUTE(5) ATTRIBUTE(6) ATTRIBUTE(7)
 ATTRIBUTE(8) ATTRIBUTE(9) ATTRIBUTE(10) ATTRIBUTE(11) ATTRIBUTE(12) ATTRIBUTE(13) ATTRIBUTE(14) ATTRIBUTE(15)

@@ -15,8 +15,8 @@ uint blend_op(const uint equation) {
     return equation >> BLEND_OP_SHIFT;
 }
 
-// Odd factors are 1 minus the even ones before them (`BlendFactor` of state.rs). Selections, because drivers for CPUs
-// make a dozen branches of a switch, and compile them all.
+// Each odd factor is 1 minus the even factor before it (`BlendFactor` of state.rs). The factor is chosen by selections,
+// because drivers for CPUs turn a switch into a dozen branches and compile them all.
 vec4 blend_factor(const uint factor, const vec4 source, const vec4 target) {
     vec4 even = vec4(factor < BLEND_FACTOR_DST_ALPHA ? source.a : target.a);
     if (factor < BLEND_FACTOR_SRC_ALPHA) even = factor < BLEND_FACTOR_DST_COLOR ? source : target;
@@ -33,16 +33,16 @@ vec4 blend_apply(const uint equation, const vec4 source, const vec4 target) {
     return op < BLEND_OP_MIN ? sum : extreme;
 }
 
-// Whether an equation adds, one or source alpha times the source, and one or 1 - source alpha times the
-// target. Most do, and CPUs take these without walking through a dozen cases.
+// Whether an equation adds (one or source alpha) * source and (one or 1 - source alpha) * target. Most
+// equations do, and CPUs compute them without walking through a dozen cases.
 bool blend_adds(const uint equation) {
     uint s = source_factor(equation), t = target_factor(equation);
     return blend_op(equation) == BLEND_OP_ADD && (s == BLEND_FACTOR_ONE || s == BLEND_FACTOR_SRC_ALPHA) &&
            (t == BLEND_FACTOR_ONE || t == BLEND_FACTOR_ONE_MINUS_SRC_ALPHA);
 }
 
-// Whether a finite source without alpha leaves the target as it is: source alpha times the source, or for
-// alpha itself once, and one or 1 - source alpha times the target.
+// Whether a finite source whose alpha is 0 leaves the target as it is. It does if the equations multiply the
+// source by its alpha (the equation of alpha may multiply by one) and the target by one or 1 - source alpha.
 bool blend_keeps(const uint color, const uint alpha) {
     return blend_adds(color) && blend_adds(alpha) && source_factor(color) == BLEND_FACTOR_SRC_ALPHA;
 }

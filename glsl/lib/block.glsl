@@ -1,12 +1,12 @@
 // Blocks: the parts of a bin that raster tests against a triangle at once, and bounds of depth in them.
-// What includes this defines WIDTH, the subgroup's, and GREATER, whether the greater depth is nearer.
+// The file that includes this one defines SUBGROUP_WIDTH, and GREATER: whether the greater depth is nearer.
 #ifndef BLOCK_GLSL
 #define BLOCK_GLSL
 #include "lib/patch.glsl"
 
 // A block is a quadrant of the bin, or two of them where a subgroup is wider than one. It is tested in
 // patches of as many pixels as a subgroup has lanes, numbered row by row.
-const uint BLOCK = WIDTH > 64u ? WIDTH : 64u;
+const uint BLOCK = SUBGROUP_WIDTH > 64u ? SUBGROUP_WIDTH : 64u;
 const uint BLOCKS = BIN_PIXELS / BLOCK;
 const ivec2 BLOCK_LAST = ivec2(BLOCK == 64u ? 7 : 15, 7);
 const uint COLUMNS = (uint(BLOCK_LAST.x) + 1u) >> PATCH_X_LOG2;

@@ -23,7 +23,7 @@ bool cell_lists(const ivec3 x, const ivec3 y, const uint level, const uvec4 rang
     return edges_touch(x, y, origin, CELL_LOG2[level]);
 }
 
-// The level a triangle is listed at.
+// The level at which a triangle is listed.
 uint cell_level(const ivec3 x, const ivec3 y, const uvec2 low, const uvec2 high, const uint origin_y) {
     [[dont_unroll]] for (uint level = 0u; level < CELL_LEVELS - 1u; level++) {
         uvec4 range = cells_under(level, low, high);

@@ -5,9 +5,9 @@
 // vertices is outside it, edges with both ends inside stay as they are, and the point where an edge
 // leaves is computed from its outer end to its inner end, whichever way the triangle walks.
 //
-// A guard band, which leaves triangles whole that reach only a little outside the viewport, was the
-// alternative: it clips fewer of them, but their depth is a plane through corners that may be
-// thousands of pixels away, and was wrong by up to 0.005 in rooms seen from within.
+// The alternative was a guard band, which does not clip triangles that reach only a little outside the
+// viewport. But the depth of such a triangle is a plane through corners that may be thousands of pixels
+// away: it was wrong by up to 0.005 in rooms seen from within.
 #ifndef CLIP_GLSL
 #define CLIP_GLSL
 #include "lib/exact.glsl"
@@ -31,9 +31,9 @@ uint clip_outcode(const vec4 p) {
     return code;
 }
 
-// Clips the polygon `corners[0..3]` by the planes of `code`; returns the corners left. `made` gets one
-// bit for each that is not one of the triangle's. Each array is read and written in one place: CPUs do so lane
-// by lane, and compile that.
+// Clips the polygon `corners[0..3]` by the planes of `code`; returns the number of corners left. `made` gets one
+// bit for each corner that clipping made. Each array is read in one place and written in one place: on CPUs each
+// such place becomes code for every lane, which takes long to compile.
 uint clip_polygon(inout vec4 corners[CLIP_CORNERS], const uint code, out uint made) {
     uint count = 3u;
     made = 0u;
@@ -47,8 +47,8 @@ uint clip_polygon(inout vec4 corners[CLIP_CORNERS], const uint code, out uint ma
         [[dont_unroll]] for (uint i = 0u; i < count; i++) {
             vec4 b = from[i + 1u < count ? i + 1u : 0u];
             float db = clip_distance(plane, b);
-            // First the corner, if it is inside, then the point where the edge to the next one crosses, if it
-            // does, computed from outside to inside.
+            // Keeps the corner if it is inside. Then adds the point where the edge to the next corner crosses
+            // the plane, if it does; the point is computed from the outer end to the inner end.
             bool leaves = da >= 0.0;
             float t = exact_divide(leaves ? db : da, leaves ? db - da : da - db);
             vec4 outside = leaves ? b : a, crossing = outside + ((leaves ? a : b) - outside) * t;

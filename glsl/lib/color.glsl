@@ -11,7 +11,7 @@ vec4 saturate(const vec4 c) {
 // The sRGB transfer functions, IEC 61966-2-1. Drivers round `pow` as they like; polynomials of exact
 // operations give the same bytes on all of them, in half the time.
 
-// Within 0.004 of 255.
+// The error is at most 0.004 of 255.
 vec3 srgb_encode(const vec3 c) {
     // 1.055 c^(1 / 2.4), where c = m 2^-k: a polynomial of m, which is in 1..2, times the power of 2^-k,
     // bit by bit of k.
@@ -26,14 +26,14 @@ vec3 srgb_encode(const vec3 c) {
     return mix(power - 0.055, 12.92 * c, lessThanEqual(c, vec3(0.0031308)));
 }
 
-// Within what changes the encoded value by 0.014 of 255.
+// The error changes the encoded value by at most 0.014 of 255.
 vec3 srgb_decode(const vec3 c) {
     vec3 light = 0.000916756933 + c * (0.0327492962 + c * (0.519358991 + c * (0.667225287
                + c * (-0.307453952 + c * 0.0873140775))));
     return mix(light, c * (1.0 / 12.92), lessThanEqual(c, vec3(0.04045)));
 }
 
-// The last place of a float from 2^23 on is 1: adding that rounds, to even where two are as near.
+// Floats from 2^23 on are whole numbers: adding 2^23 rounds to the nearest of them, ties to even.
 uint pack_unorm8(const vec4 c) {
     uvec4 u = floatBitsToUint(c * 255.0 + 8388608.0) & 0xffu;
     return u.r | u.g << 8 | u.b << 16 | u.a << 24;

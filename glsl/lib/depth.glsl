@@ -1,12 +1,12 @@
-// Depth of a triangle at a pixel: a plane through the unsnapped corners, from its depth at the pixel
-// (0, 0) on. A plane that starts at a corner is more accurate for steep triangles far from the
-// origin, but devices compute it in this way; with another one, surfaces that coincide are won by
-// other triangles than on the device's own pipeline, thousands of pixels in some rooms.
+// Depth of a triangle at a pixel: a plane through the unsnapped corners, which starts from its depth at the
+// pixel (0, 0). A plane that starts at a corner is more accurate for steep triangles far from the origin.
+// But devices start at (0, 0), and where two surfaces coincide, the winner depends on it: with the other
+// plane, thousands of pixels in some rooms differ from the device's own pipeline.
 #ifndef DEPTH_GLSL
 #define DEPTH_GLSL
 #include "lib/exact.glsl"
 
-// What is too small to change any depth is zero, so that no product is a denormal.
+// A gradient that is too small to change any depth becomes zero, so that no product is a denormal.
 float settled(const float a) {
     return abs(a) < 1.0 / 18446744073709551616.0 ? 0.0 : a;
 }

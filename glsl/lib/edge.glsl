@@ -1,9 +1,9 @@
 // Exact edge functions over fixed-point corners.
 //
 // Corners are in 1/256 pixel from pixel centres, clockwise on the screen (y down), within 2^23; an
-// edge function is a 50-bit integer. At pixel centres it moves in steps of 256, so its floor at 8
-// bits less has the same sign, and within a bin it moves by less than 2^30: saturated to 2^30 it
-// stays exact where it matters.
+// edge function is a 50-bit integer. From one pixel centre to the next it changes by a multiple of 256, so
+// it can be divided by 256 and rounded down without changing a sign. The result changes by less than 2^30
+// within a bin, so it can be saturated to 2^30 and still gives exact signs there.
 #ifndef EDGE_GLSL
 #define EDGE_GLSL
 #include "lib/wide.glsl"
@@ -15,8 +15,8 @@ struct Edges {
     ivec3 dy; // change per 2^log2 pixels down
 };
 
-// 0 for an edge whose own points are covered, -1 for one whose are not: the top-left rule. With
-// clockwise corners and y down a left edge goes up and a top edge goes right.
+// The top-left rule: 0 for an edge whose own points are covered, -1 for an edge whose own points are not.
+// With clockwise corners and y down, a left edge goes up and a top edge goes right.
 int edge_bias(const int dx, const int dy) {
     return dy < 0 || (dy == 0 && dx > 0) ? 0 : -1;
 }
@@ -36,8 +36,8 @@ Edges edges_from(const ivec3 x, const ivec3 y, const ivec2 origin, const uint lo
                  y - y.yzx, x.yzx - x);
 }
 
-// Whether the triangle may touch the square of 2^log2 pixels whose first pixel is `origin`: false
-// only if some edge has all of it outside.
+// Whether the triangle may touch the square of 2^log2 by 2^log2 pixels whose first pixel is `origin`: false
+// only if the whole square lies outside some edge.
 bool edges_touch(const ivec3 x, const ivec3 y, const ivec2 origin, const uint log2) {
     Edges e = edges_from(x, y, origin, log2);
     ivec3 most = e.at + max(e.dx, 0) + max(e.dy, 0);

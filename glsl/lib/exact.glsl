@@ -1,8 +1,8 @@
-// Arithmetic that gives the same bits on every device and on the CPU. Vulkan rounds float add,
-// subtract and multiply correctly, and the build forbids contraction; division it allows to be
-// wrong by 2.5 ULP, and a fused multiply-add may or may not be one. These are our own. Floats become
-// integers by their bits: what a conversion does with numbers out of range costs CPUs a dozen
-// instructions for each number of a vector.
+// Arithmetic that gives the same bits on every device and on the CPU. Vulkan requires correctly rounded
+// float addition, subtraction and multiplication, and the build forbids contraction. But a division may be
+// wrong by 2.5 ULP, and a fused multiply-add may or may not be fused; so both are made here of exact
+// operations. Floats become integers by their bits, not by a conversion: its rules for numbers out of range
+// cost CPUs a dozen instructions for each number of a vector.
 #ifndef EXACT_GLSL
 #define EXACT_GLSL
 

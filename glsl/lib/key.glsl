@@ -1,5 +1,5 @@
-// The key of a triangle: its primitive's number in the batch, from 1, and which of the parts that
-// clipping made of it. Keys compare in API order; 0 is nothing.
+// The key of a triangle: the number of its primitive in the batch, from 1, and the number of the triangle
+// among those that clipping made of the primitive. Keys compare in API order; the key 0 means no triangle.
 #ifndef KEY_GLSL
 #define KEY_GLSL
 
@@ -7,8 +7,8 @@ uint key_of(const uint primitive, const uint part) {
     return ((primitive + 1u) << KEY_LOG2) | part;
 }
 
-// Where the triangle of `key` lies in the triangle buffer: the first part of each primitive at the
-// primitive's number, the other parts in a region of their own.
+// The index of the triangle of `key` in the triangle buffer. The first triangle of each primitive lies at
+// the primitive's number; the others, which clipping added, lie in a region of their own.
 uint key_triangle(const uint key, const uint extra_first) {
     uint primitive = (key >> KEY_LOG2) - 1u;
     uint part = key & ((1u << KEY_LOG2) - 1u);

@@ -1,6 +1,6 @@
-// Words that the four lanes of a quad need alike: each lane loads one or two, and the others get them
-// from there. Loads are expensive on CPUs, and shuffles are not. Where a lane loads two words, they are
-// a `uvec2` at a multiple of 8 bytes, which CPUs load as one (`src/vk/address/pairs.rs`).
+// Words that all four lanes of a quad need: each lane loads one or two of them, and the other lanes get them by
+// shuffles. Loads are expensive on CPUs, and shuffles are not. If a lane loads two words, they are a `uvec2`
+// at a multiple of 8 bytes, which CPUs load at once (`src/vk/address/pairs.rs`).
 #ifndef QUAD_GLSL
 #define QUAD_GLSL
 #extension GL_EXT_scalar_block_layout : require

@@ -34,7 +34,7 @@ int wide_sign(const Wide a) {
 // floor(a / 2^shift) for 2 <= shift < 32, saturated to -2^30..=2^30.
 int wide_shift_saturate(const Wide a, const uint shift) {
     const int limit = 1 << 30;
-    // Everything from bit 30 of the result up: it fits if that is all sign.
+    // The bits of the result from bit 30 up; the result fits if they are all equal to the sign.
     int top = a.hi >> (shift - 2u);
     int value = int((uint(a.hi) << (32u - shift)) | (a.lo >> shift));
     return top == 0 || top == -1 ? value : (a.hi < 0 ? -limit : limit);

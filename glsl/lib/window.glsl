@@ -1,11 +1,11 @@
-// From clip space to the window: what is done once for each vertex, before triangles are made of them.
+// From clip space to the window: the steps for a single vertex, before primitives are assembled.
 #ifndef WINDOW_GLSL
 #define WINDOW_GLSL
 #include "lib/clip.glsl"
 
-// What an outcode says beyond the planes of clip.glsl: a vertex at or behind the eye, which has no window
-// position, and one that no triangle can have: it is not finite, or so far out that a difference of two
-// might not be.
+// Bits of an outcode beyond the planes of clip.glsl. One marks a vertex at or behind the eye, which has no
+// window position. The other marks a vertex that no triangle may use: it is not finite, or so far out that the
+// difference of two such vertices might not be finite.
 const uint OUT_BEHIND = 1u << CLIP_PLANES;
 const uint OUT_UNUSABLE = 2u << CLIP_PLANES;
 const uint OUT_PLANES = OUT_BEHIND - 1u;
@@ -27,9 +27,9 @@ uint outcode(const vec4 p) {
     return clip_outcode(p) | (p.w <= 0.0 ? OUT_BEHIND : 0u) | (usable ? 0u : OUT_UNUSABLE);
 }
 
-// Clip space to window: pixels and depth, unsnapped. As rasterizers do it, the viewport transform is
-// fused for the vertices of the user and not for corners `made` by clipping. Of what is inside the view
-// volume, only rounding and viewports larger than any target get farther out than the bound.
+// Clip space to window: pixels and depth, unsnapped. Rasterizers fuse the viewport transform for the
+// user's vertices but not for corners `made` by clipping, and so does this. A position inside the view volume
+// exceeds the bound only by rounding, or if the viewport is larger than any target.
 vec3 window_position(const Viewport viewport, const vec4 p, const bool made) {
     float inverse = exact_divide(1.0, p.w);
     vec3 ndc = p.xyz * inverse, scale = viewport.scale, offset = viewport.offset;

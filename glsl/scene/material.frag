@@ -62,8 +62,8 @@ vec3 unit(vec3 v) {
     return v * inversesqrt(max(dot(v, v), 1e-30));
 }
 
-// The normal that light sees: bent by the normal map, and turned as a whole on back faces, where a
-// bump is a dent.
+// The shading normal: bent by the normal map, then reversed on back faces, which see a bump as a
+// dent.
 vec3 shading_normal(vec3 mapped) {
     vec3 normal = unit(in_normal);
     if (has(NORMAL)) {
@@ -75,7 +75,7 @@ vec3 shading_normal(vec3 mapped) {
     return gl_FrontFacing ? normal : -normal;
 }
 
-// What is around, blurred as a surface of this roughness reflects it.
+// The surroundings in a direction, blurred as a surface of this roughness reflects them.
 vec3 surroundings(vec3 direction, float roughness) {
     float soft = mix(0.12, 1.0, roughness);
     float up = clamp(direction.y / soft, -1.0, 1.0);
@@ -144,7 +144,7 @@ void main() {
         emissive *= texture(emissive_map, map_uv(UV_ROWS(EMISSIVE))).rgb;
     }
 #ifdef ALPHA_MASK
-    // After all samples: they need the neighbours that this may end.
+    // Discard comes after all samples: their derivatives need the neighbours that it may end.
     if (base.a < material.emissive.w) {
         discard;
     }
@@ -160,7 +160,7 @@ void main() {
     vec3 diffuse = base.rgb * (1.0 - metallic);
     vec3 f0 = mix(vec3(0.04), base.rgb, metallic);
     if (has(SPECULAR)) {
-        // KHR_materials_pbrSpecularGlossiness: what is reflected at once is not scattered.
+        // KHR_materials_pbrSpecularGlossiness: light that is reflected at the surface is not scattered below it.
         vec4 specular = clamp(material.specular * surface, 0.0, 1.0);
         f0 = specular.rgb;
         diffuse = base.rgb * (1.0 - max(f0.r, max(f0.g, f0.b)));

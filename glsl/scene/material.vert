@@ -1,5 +1,5 @@
 #version 450
-// Places a vertex in the world and on the screen. See material.frag for what becomes of it.
+// Places a vertex in the world and on the screen for material.frag.
 
 layout(location = 0) in vec3 in_position;
 layout(location = 1) in vec3 in_normal;
@@ -41,12 +41,12 @@ layout(location = 4) out vec4 out_color;
 void main() {
     mat3 instance = transpose(mat3(in_instance_x.xyz, in_instance_y.xyz, in_instance_z.xyz));
     mat3 turn = mat3(draw.model_x.xyz, draw.model_y.xyz, draw.model_z.xyz) * instance;
-    // Cofactors turn normals right under any scale, flat ones included; mirrors change their sign.
+    // The cofactor matrix transforms normals correctly under any scale, even one of 0; a mirror changes their sign.
     mat3 cofactors =
         mat3(cross(turn[1], turn[2]), cross(turn[2], turn[0]), cross(turn[0], turn[1]));
     float mirror = draw.model_x.w;
 
-    // Precise: the classic pipeline and the kernels must place a vertex at the same bits.
+    // Precise: the classic pipeline and the kernels must compute the same bits of a position.
     vec4 local = vec4(in_position, 1.0);
     precise vec4 placed = vec4(
         dot(in_instance_x, local), dot(in_instance_y, local), dot(in_instance_z, local), 1.0);

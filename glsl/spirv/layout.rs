@@ -1,4 +1,4 @@
-//! What the kernels were compiled with. Made by `cargo spirv`.
+//! The constants and layouts that the kernels were compiled with. Made by `cargo spirv`.
 
 use crate::{abi, format, state};
 

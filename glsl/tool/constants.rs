@@ -1,4 +1,4 @@
-//! What GLSL takes from Rust as macros: constants, numbers of enums and the order of a bin's pixels.
+//! The macros that GLSL takes from Rust: constants, numbers of enums and the order of a bin's pixels.
 //! The names and the numbers are those of `src/`; nothing is listed here twice.
 
 #[macro_use]
@@ -18,7 +18,7 @@ mod state;
 
 use std::fmt::Write as _;
 
-/// Modules with the name and the number of what GLSL shares with them.
+/// The modules that share constants with GLSL, with the name and the number of each constant.
 fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 9] {
     [
         ("abi", abi::CONSTANTS),

@@ -17,7 +17,7 @@ pub fn assertions(module: &Module, text: &str) -> String {
     let structs = structs(module);
     let mut checks = String::new();
     for (name, Struct { members, bytes }) in &structs {
-        // Blocks are plural by convention, the structs inside them are what is shared.
+        // Blocks are plural by convention; only the structs inside them are shared.
         let Some(bytes) = bytes else { continue };
         if let Some(plain) = name.strip_prefix("Quad") {
             let plain = &structs[plain];

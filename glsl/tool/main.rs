@@ -70,7 +70,7 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
         if name == "abi.comp" {
             let structs = layout::assertions(&module, &text);
             let all = format!(
-                "//! What the kernels were compiled with. Made by `cargo spirv`.\n\nuse crate::{{abi, format, state}};\n\n{}{structs}",
+                "//! The constants and layouts that the kernels were compiled with. Made by `cargo spirv`.\n\nuse crate::{{abi, format, state}};\n\n{}{structs}",
                 constants::assertions()
             );
             files.insert("layout.rs".into(), all.into_bytes());
@@ -119,8 +119,7 @@ fn load(name: &str, words: &[u32]) -> Result<Module, String> {
     rspirv::dr::load_words(words).map_err(|e| format!("{name}: {e}"))
 }
 
-/// Drops the names of what lies inside functions: nothing is looked up by them, and they are a tenth of a
-/// module.
+/// Drops the names of ids inside functions: nothing is looked up by them, and they are a tenth of a module.
 fn forget_local_names(module: &mut Module) {
     let local: HashSet<u32> = module
         .functions

@@ -1,24 +1,24 @@
 //! One executor in a process of its own: what its first frame costs, and how much memory it takes.
 //!
-//! Neither can be told in a process where the other one works too. The process starts with caches that
-//! are empty, ours and the driver's, and runs twice, so that the first run is a user's very first and
-//! the second finds on disk what the first left there. Turning caches off was the alternative: then there
-//! is no second run, and the first need not write.
+//! Neither can be measured in a process that runs the other executor too. The process starts with empty
+//! caches, ours and the driver's, and runs twice. So the first run is like a user's very first one, and the
+//! second one finds the caches that the first one left on disk. The alternative was to turn caches off: then
+//! the first run writes no caches, and there is no second one.
 //!
-//! The first frame is all that an executor must do for it, device and scene being there: making its
-//! kernels, taking the pass in, compiling, drawing. Memory is the most that the process ever held: the
-//! scene, the driver and, where the device is the host's own processor, what the driver allocates for
-//! the device. The memory of a graphics card is not in it.
+//! The time of the first frame includes everything that an executor does for it once the device is open and
+//! the scene is loaded: making its kernels, taking the pass in, compiling, drawing. The memory is the peak of
+//! the process: the scene, the driver and, if the device is the host's own processor, the driver's
+//! allocations for the device. The memory of a graphics card is not included.
 
 use super::{clock::peak_bytes, statistics::Summary};
 use crate::{classic, compute, error::Result, pass::Pass, vk::Gpu};
 use serde_json::{Value, json};
 use std::{path::Path, process::Command, time::Instant};
 
-/// How often the pass is prepared and drawn once more.
+/// How many more times the pass is prepared and drawn.
 const AGAIN: usize = 3;
 
-/// What one process found.
+/// The figures of one process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Alone {
     /// Milliseconds from the making of the renderer to the fence of the first frame.

@@ -120,7 +120,7 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
     })
 }
 
-/// What one pipeline differs in from another.
+/// The properties in which pipelines differ.
 type Key = (Kind, u32);
 
 struct Pipelines<'a> {

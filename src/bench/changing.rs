@@ -1,8 +1,8 @@
-//! Frames in which everything changes that changes in an application: the camera, the objects, the
+//! Frames in which everything changes that usually changes in an application: the camera, the objects, the
 //! materials.
 //!
-//! A warm frame runs what was recorded once. An application that moves pays more: its uniform data is new
-//! in each frame, and commands are recorded anew. Here, each frame's pass holds new buffers behind all
+//! A warm frame runs commands that were recorded once. An animated application pays more: its uniform data is
+//! new in each frame, and its commands are recorded anew. Here, each frame's pass holds new buffers behind all
 //! descriptors, new descriptor sets and new push constants; vertices, indices, textures, pipelines and
 //! shaders stay. Making the pass is not timed, since that is the application's own work. Then
 //!
@@ -57,7 +57,7 @@ pub fn rounds_of(
 ) -> Result<Rounds> {
     let Executors { compute, classic } = executors;
     let mut by_classic = classic.prepare(pass)?;
-    // What was prepared before goes where the next is prepared, as it does in an application.
+    // The pass that was prepared before is dropped when the next one is prepared, as in an application.
     let mut by_compute = None;
     rounds(
         settings,

@@ -1,4 +1,4 @@
-//! What the system tells of the running process.
+//! Times and memory of the running process, as the system reports them.
 
 use std::fs;
 
@@ -42,8 +42,8 @@ pub struct Processors {
 }
 
 impl Processors {
-    /// Fewest ticks that say something: a tick is mostly a hundredth of a second.
-    const FEWEST: u64 = 20;
+    /// Fewest ticks that a statement needs: a tick is usually a hundredth of a second.
+    const MIN_TICKS: u64 = 20;
 
     /// Until now; `None` where the system does not say.
     pub fn now() -> Option<Self> {
@@ -68,7 +68,8 @@ impl Processors {
     /// The part of all processors, 0 to 1, that others than this process used since `before`; `None` if
     /// too little time has passed to say.
     pub fn others_since(self, before: Self) -> Option<f64> {
-        let total = self.total.checked_sub(before.total).filter(|ticks| *ticks >= Self::FEWEST)?;
+        let total =
+            self.total.checked_sub(before.total).filter(|ticks| *ticks >= Self::MIN_TICKS)?;
         let busy = self.busy.saturating_sub(before.busy);
         let others = busy.saturating_sub(self.own.saturating_sub(before.own));
         Some(others as f64 / total as f64)

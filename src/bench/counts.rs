@@ -1,4 +1,4 @@
-//! What a pass consists of, as the planner sees it.
+//! Counts the parts of a pass as the planner sees them.
 
 use crate::{
     error::Result,
@@ -8,7 +8,7 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// Pipeline statistics, the same for both executors but for what is compute's alone.
+/// Pipeline statistics. They hold for both executors, except for those that begin with "Compute".
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Primitives of all draws, instances included.
@@ -53,7 +53,7 @@ impl Slots for Nowhere {
 }
 
 impl Counts {
-    /// Of `pass`, which is valid.
+    /// The counts of `pass`, which has to be valid.
     ///
     /// # Errors
     /// [`Error::Capacity`](crate::Error::Capacity) for a primitive that fits no batch.
@@ -66,7 +66,7 @@ impl Counts {
             let topology = pass.pipelines[draw.pipeline].topology;
             u64::from(topology.primitives(draw.count)) * u64::from(draw.instances)
         });
-        // What one vertex of a draw reads; draws of one pass are near enough alike to take the mean.
+        // Bytes that one vertex of a draw reads; draws of one pass are similar enough to take the mean.
         let attributes = pass.draws.iter().map(|draw| {
             let pipeline = &pass.pipelines[draw.pipeline];
             pipeline.vertex_attributes.iter().map(|a| a.format.bytes() as u64).sum::<u64>()

@@ -1,11 +1,11 @@
-//! Two results compared: what became faster, what slower, measured against classic.
+//! Compares two results: which rows became faster and which slower, measured against classic.
 //!
 //! Rows of the same name and size are compared by their ratios, not by their times: classic is the same
 //! program in both, so that a busier machine slows both down and cancels out. The times stand beside them.
 //!
-//! The interval of a change is made of those of the two ratios, which were measured independently: on a
-//! logarithmic scale, its reach is the root of the sum of the squares of theirs. Adding the two reaches up
-//! was the alternative: then two quiet runs of one program are AMBIGUOUS nearly always.
+//! The interval of a change follows from the intervals of the two ratios, which were measured independently:
+//! on a logarithmic scale, its width is the root of the sum of the squares of their widths. The alternative
+//! was to add the two widths; then two quiet runs of one program are nearly always AMBIGUOUS.
 
 use super::{
     rows::SCHEMA_VERSION,
@@ -14,7 +14,7 @@ use super::{
 };
 use serde_json::{Value, json};
 
-/// What is said if it is not the same in both.
+/// Parts of the environment that are reported if they differ between the two results.
 const ENVIRONMENT: [&str; 6] =
     ["/device/driver", "/device/name", "/cpu", "/cores", "/kernel_hash", "/commit"];
 

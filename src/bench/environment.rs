@@ -1,4 +1,4 @@
-//! Where figures come from: without it they are worth nothing.
+//! The machine, the device and the program that figures come from. Figures without them are worth nothing.
 
 use super::limits::Rates;
 use crate::{abi, prebuilt, vk::DeviceInfo};

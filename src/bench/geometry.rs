@@ -1,4 +1,4 @@
-//! The geometry of generated scenes: meshes, where they stand, and who looks at them.
+//! The geometry of generated scenes: meshes, their places, and the camera.
 
 use super::recipe::{Order, Recipe, Shape};
 use crate::{image::Extent, random::Random, scene::Camera};
@@ -21,7 +21,7 @@ pub struct Mesh {
     pub indices: Vec<u32>,
 }
 
-/// How an object's pixels meet what is behind them.
+/// How an object's pixels combine with the pixels behind them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// They hide it; the object is closed, so that back faces are culled.
@@ -113,7 +113,7 @@ fn grid(columns: u32, rows: u32, mut at: impl FnMut(f32, f32) -> Vertex) -> Mesh
     mesh
 }
 
-/// Clip space as it is: what stands there has its size in pixels.
+/// Clip space as it is: geometry there has its size in pixels.
 fn upright(meshes: Vec<Mesh>, objects: Vec<Object>) -> Model {
     Model { meshes, objects, view_projection: Mat4::IDENTITY, eye: Vec3::new(0.0, 0.0, -2.0) }
 }

@@ -1,9 +1,8 @@
-//! How fast the device copies memory and counts by atomics, and how much of either a stage cannot do
-//! without.
+//! How fast the device copies memory and adds by atomics, and how much of both each stage needs at least.
 //!
-//! The distance between a stage's time and that of its least work says where there is something to gain:
-//! a stage at its limit is made faster only by giving it less to do. The least work is counted by what
-//! goes in and out of a stage by its contract, each value once, caches or no: it is no prediction.
+//! The distance between a stage's time and the time of its least work shows how much there is to gain: a
+//! stage at its limit becomes faster only if it gets less to do. The least work counts each value once that
+//! the stage's contract makes it read or write. It ignores caches and is no prediction.
 
 use super::{counts::Counts, statistics::Summary};
 use crate::{
@@ -26,7 +25,7 @@ const ADDITIONS: usize = 3 << 20;
 /// How often each is done; the fastest counts, since nothing makes a device faster than it is.
 const TRIES: usize = 5;
 
-/// What the device can do; `None` if it has no timestamps.
+/// The rates of the device; `None` if it has no timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
     /// Bytes a second, those read and those written both counted.
@@ -124,7 +123,7 @@ fn fastest(gpu: &Gpu, record: impl Fn(&mut Recorder) -> Result<()>) -> Result<u6
     Ok(best)
 }
 
-/// What a stage must move and count at least.
+/// The least work of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Least {
     /// Bytes read and written.
@@ -134,8 +133,8 @@ pub struct Least {
 }
 
 impl Least {
-    /// Of the stage called `stage`, by its contract; `None` of one whose work depends on what is seen, or
-    /// that nobody counted.
+    /// The least work of the stage called `stage`, by its contract; `None` if the work depends on the picture, or
+    /// if there is no rule for the stage.
     pub fn of(stage: &str, counts: &Counts, extent: Extent) -> Option<Self> {
         let pixels = extent.pixels() as u64;
         let position = 16;
@@ -157,7 +156,7 @@ impl Least {
             "binning_scatter" => {
                 Some(Self { bytes: counts.triangles * 8, atomics: counts.triangles })
             }
-            // A depth for each pixel: what one triangle covers needs no keys.
+            // A depth for each pixel: a bin that one triangle covers needs no keys.
             "raster" => only(pixels * 4),
             // A colour for each pixel.
             "shade" => only(pixels * 4),

@@ -2,7 +2,7 @@
 //!
 //! | file | concept |
 //! |---|---|
-//! | `recipe` | what a generated scene is made of, and the axes along which that varies |
+//! | `recipe` | the recipe of a generated scene, and the axes along which recipes vary |
 //! | `scenes` | the named scenes |
 //! | `geometry`, `build` | from a recipe to a pass |
 //! | `run` | pictures compared, then frames in turns |
@@ -11,14 +11,14 @@
 //! | `watch` | whether the machine was quiet meanwhile |
 //! | `alone` | one executor in a process of its own: its first frame and its memory |
 //! | `statistics` | medians, their intervals, the verdict |
-//! | `counts`, `clock`, `environment` | what a pass consists of; what the system tells; where figures come from |
-//! | `limits` | how fast the device copies and counts, and what a stage must do at least |
+//! | `counts`, `clock`, `environment` | the parts of a pass; the process's times and memory; where figures come from |
+//! | `limits` | how fast the device copies and counts, and the least work of a stage |
 //! | `rows` | results as JSON, written row by row, from which `table` makes text, `report` a page and `diff` a comparison |
 //!
-//! A figure is believed if it can be checked, so: pictures are compared before anything is timed, and a
-//! row whose pictures differ has no verdict; losing rows stand among the winning ones; each median has an
-//! interval, and a ratio that could be either way says so; one configuration draws all scenes; and the
-//! environment is part of the result.
+//! Readers believe a figure that they can check. So pictures are compared before anything is timed, and a row
+//! whose pictures differ has no verdict. Losing rows stand among the winning ones. Each median has an
+//! interval, and the verdict says so if the interval allows either winner. One configuration draws all
+//! scenes. The environment is part of the result.
 
 mod alone;
 mod build;
@@ -51,7 +51,7 @@ pub use report::report;
 pub use rows::{
     Label, SCHEMA_VERSION, add_alone, any_invalid, closing, line, opening, read, row, settings,
 };
-pub use run::{Executors, MOST_ROUNDS, Measurement, Rounds, Settings, Side, measure};
+pub use run::{Executors, MAX_ROUNDS, Measurement, Rounds, Settings, Side, measure};
 pub use scenes::{CROSSOVER, Named, SHEET, find, named};
 pub use stages::{StageTime, Stages};
 pub use table::{Columns, csv_header, csv_line, footer, table};

@@ -1,4 +1,4 @@
-//! What a generated scene is made of, and the axes along which that varies.
+//! The recipe of a generated scene, and the axes along which recipes vary.
 
 use crate::{image::Extent, random::Random};
 
@@ -12,7 +12,7 @@ pub const MOST_OF_A_BALL: u32 = 1 << 26;
 /// The geometry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// Layers of triangles of one size, upright before the viewer: what axes are measured on.
+    /// Layers of triangles of one size, upright before the viewer. Axes vary this shape.
     Sheet,
     /// A hall with pillars, seen from inside: few triangles, large on the screen.
     Hall,
@@ -28,10 +28,10 @@ pub enum Shape {
     Leaves,
 }
 
-/// Which of overlapping things is drawn first.
+/// Which of several overlapping things is drawn first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// The nearest: what is hidden could be known early.
+    /// The nearest: hidden pixels could be rejected early.
     Near,
     /// The farthest: everything is overdrawn.
     Far,
@@ -39,7 +39,7 @@ pub enum Order {
     Random,
 }
 
-/// All that decides a generated scene, beside the size of the picture.
+/// Everything that decides a generated scene, except for the size of the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recipe {
     /// The geometry.
@@ -68,7 +68,7 @@ pub struct Recipe {
     pub pipelines: u32,
     /// Draws take turns among so many materials, each with textures of its own.
     pub materials: u32,
-    /// What the random numbers of places, colours and textures start from.
+    /// Seed of the random numbers for places, colours and textures.
     pub seed: u64,
 }
 
@@ -195,7 +195,7 @@ impl Recipe {
             (Some(_), Some(count)) => count.div_ceil(columns * rows * 2).max(1),
             _ => depth,
         };
-        // What is too many triangles becomes a smaller sheet of triangles of the same size.
+        // If there are too many triangles, the sheet becomes smaller; its triangles keep their size.
         let most = (MOST_TRIANGLES / 2 / depth).max(1);
         let whole = (columns, rows);
         if columns * rows > most {
@@ -262,7 +262,7 @@ impl Axis {
             "triangles, up to 4194304; of a ball (small-1m), up to 67108864; of `sheet` in whole layers,\n                  as many as it takes if area is given too",
         ),
         (Axis::Depth, "layers, up to 1024; of `sheet`"),
-        (Axis::Order, "near, far or random: what is drawn first"),
+        (Axis::Order, "near, far or random: the things that are drawn first"),
         (Axis::Size, "WxH, as --size"),
         (Axis::Vertex, "waves that the vertex shader adds, up to 4096"),
         (Axis::Fragment, "lamps that the fragment shader adds, up to 4096"),

@@ -1,4 +1,4 @@
-//! Results as JSON: what every output of the benchmark is made from.
+//! Results as JSON. Every output of the benchmark is made from them.
 //!
 //! The text of the JSON has a line for each row, and lines are written as rows are measured. So a run that
 //! is killed leaves a file whose end is missing and whose rows are whole: [`read`] takes it.
@@ -7,21 +7,21 @@ use super::{
     alone::Alone,
     limits::Least,
     recipe::Axis,
-    run::{MOST_ROUNDS, Measurement, Rounds, Settings, Side},
-    statistics::{FEWEST, Summary, Verdict, geometric_mean},
+    run::{MAX_ROUNDS, Measurement, Rounds, Settings, Side},
+    statistics::{MIN_SAMPLES, Summary, Verdict, geometric_mean},
     watch::Quiet,
 };
 use crate::image::Extent;
 use serde_json::{Map, Value, json};
 
-/// Of the whole object; grows when a key changes its meaning. Version 1 had no samples, no settings, no
+/// Version of the whole object; it grows when a key changes its meaning. Version 1 had no samples, no settings, no
 /// `quiet` and no `changing`.
 pub const SCHEMA_VERSION: u32 = 2;
 
 /// The line behind which the rows stand.
 const ROWS: &str = "\"rows\": [";
 
-/// What a row is of.
+/// The scene, the size and the settings of a row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
     /// The scene as it was typed.
@@ -30,7 +30,7 @@ pub struct Label {
     pub title: String,
     /// Size of the picture.
     pub extent: Extent,
-    /// What was set along which axis.
+    /// The axes that were set, with their values.
     pub settings: Vec<(Axis, String)>,
 }
 
@@ -56,7 +56,7 @@ pub fn settings(settings: &Settings, seed: u64, budget_s: Option<f32>, rows: usi
     json!({
         "rounds": match settings.rounds {
             Some(rounds) => json!(rounds),
-            None => json!([FEWEST, MOST_ROUNDS]),
+            None => json!([MIN_SAMPLES, MAX_ROUNDS]),
         },
         "seconds_of_a_row": settings.budget.as_secs_f64(),
         "warm_up": settings.warm_up,
@@ -185,11 +185,11 @@ pub fn opening(environment: &Value, settings: &Value) -> String {
 
 /// The text of a row; `first` is whether none stands before it.
 pub fn line(row: &Value, first: bool) -> String {
-    // The comma stands before a row, so that what was written is whole after each.
+    // The comma stands before a row, so that the written rows are complete after each one.
     format!("{}{row}\n", if first { "" } else { "," })
 }
 
-/// The text behind the last row. `skipped` names what was not measured and why; `complete` is whether the
+/// The text behind the last row. `skipped` names the rows that were not measured, and why; `complete` is whether the
 /// run came to its end.
 pub fn closing(rows: &[Value], skipped: &[Value], complete: bool) -> String {
     let mut text = String::from("]");

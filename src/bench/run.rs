@@ -1,11 +1,10 @@
 //! One pass by both executors, compared and then timed.
 //!
-//! The pictures are compared first, by the rules of [`crate::compare`]: times of different pictures say
-//! nothing. Then both passes are prepared, warmed up, and executed in rounds, in one process. In each
-//! round both executors draw one frame, and they take turns in who begins: what disturbs the machine for
-//! longer than a frame disturbs both alike. A frame is timed by the host, from its submission until its
-//! fence has signalled and the result of its timestamps is there. Bringing the picture to the host is
-//! part of neither frame.
+//! The pictures are compared first, by the rules of [`crate::compare`]: times of different pictures mean
+//! nothing. Then both passes are prepared, warmed up, and executed in rounds, in one process. In each round
+//! both executors draw one frame, and they take turns in who begins, so that a disturbance that lasts longer
+//! than a frame disturbs both alike. The host times a frame from its submission until its fence has signalled
+//! and its timestamps can be read. Copying the picture to the host is part of neither frame.
 //!
 //! Compute's stages are timed in frames of their own, since each timestamp costs a barrier.
 
@@ -13,7 +12,7 @@ use super::{
     clock::process_cpu_ms,
     counts::Counts,
     stages::{Stages, stages},
-    statistics::{FEWEST, Ratio, Summary, Verdict},
+    statistics::{MIN_SAMPLES, Ratio, Summary, Verdict},
 };
 use crate::{
     classic,
@@ -25,14 +24,14 @@ use crate::{
 };
 use std::time::{Duration, Instant};
 
-/// Rounds after which nothing is gained.
-pub const MOST_ROUNDS: usize = 200;
-/// Rounds after which a ratio may be sure enough.
+/// The most rounds: more of them gain nothing.
+pub const MAX_ROUNDS: usize = 200;
+/// The fewest rounds after which a ratio may count as precise enough.
 const ENOUGH_ROUNDS: usize = 15;
-/// Width of the ratio's interval that is sure enough, relative to its lower end.
-const SURE: f64 = 0.01;
+/// The widest interval of a ratio that is precise enough, relative to its lower end.
+const MAX_INTERVAL_WIDTH: f64 = 0.01;
 
-/// The two that compete. They keep their kernels and pipelines from pass to pass.
+/// The two executors. They keep their kernels and pipelines from pass to pass.
 pub struct Executors {
     /// The product.
     pub compute: compute::Renderer,
@@ -53,7 +52,7 @@ impl Executors {
 /// How a row is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// So many rounds. `None`: at least [`FEWEST`] and at most [`MOST_ROUNDS`], until the ratio is known
+    /// So many rounds. `None`: at least [`MIN_SAMPLES`] and at most [`MAX_ROUNDS`], until the ratio is known
     /// within a hundredth or `budget` has passed.
     pub rounds: Option<usize>,
     /// Frames that each executor draws before the first round: drivers compile kernels at their first use.
@@ -64,7 +63,7 @@ pub struct Settings {
     pub changing: bool,
 }
 
-/// What one executor took for a frame.
+/// The time that one executor takes for a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Side {
     /// Milliseconds from submission to fence.
@@ -78,7 +77,7 @@ pub struct Side {
     pub cpu_ms: Option<f64>,
 }
 
-/// Rounds and what they come to.
+/// The result of the rounds.
 #[derive(Clone, Debug)]
 pub struct Rounds {
     /// Compute's frames.
@@ -90,16 +89,16 @@ pub struct Rounds {
 }
 
 impl Rounds {
-    /// What the ratio comes to, if the pictures are equal and the machine was quiet.
+    /// The verdict on the ratio, if the pictures are equal and the machine was quiet.
     pub fn verdict(&self) -> Verdict {
         self.ratio.map_or(Verdict::Ambiguous, |ratio| Verdict::new(ratio.value, ratio.interval))
     }
 }
 
-/// All that is known of a pass afterwards.
+/// Everything that was measured of a pass.
 #[derive(Clone, Debug)]
 pub struct Measurement {
-    /// What the pass consists of.
+    /// The counts of the pass.
     pub counts: Counts,
     /// By how much the pictures differ.
     pub difference: Difference,
@@ -191,12 +190,14 @@ pub(super) fn rounds(
 
 /// The part of the rounds that is done, 1 once there are enough.
 fn done(rounds: usize, elapsed: Duration, budget: Duration, ratio: Option<Ratio>) -> f64 {
-    let sure = |ratio: Ratio| ratio.interval.is_some_and(|[from, to]| to < from * (1.0 + SURE));
-    if rounds >= MOST_ROUNDS || rounds >= ENOUGH_ROUNDS && ratio.is_some_and(sure) {
+    let is_precise = |ratio: Ratio| {
+        ratio.interval.is_some_and(|[from, to]| to < from * (1.0 + MAX_INTERVAL_WIDTH))
+    };
+    if rounds >= MAX_ROUNDS || rounds >= ENOUGH_ROUNDS && ratio.is_some_and(is_precise) {
         return 1.0;
     }
     let used = elapsed.as_secs_f64() / budget.as_secs_f64().max(1e-9);
-    used.min(rounds as f64 / FEWEST as f64)
+    used.min(rounds as f64 / MIN_SAMPLES as f64)
 }
 
 /// The times of one frame.
@@ -260,11 +261,11 @@ mod tests {
         let frame = || Ok(Frame { ms: 1.0, device_ns: 0, cpu_ms: None });
         let found =
             rounds(&settings(None, 0), &mut || frame(), &mut || frame(), &mut |_| {}).unwrap();
-        assert_eq!(found.compute.samples.len(), FEWEST);
+        assert_eq!(found.compute.samples.len(), MIN_SAMPLES);
         let ratio = Ratio { value: 1.0, interval: Some([0.999, 1.001]) };
         let second = Duration::from_secs(1);
         assert!(done(ENOUGH_ROUNDS, Duration::ZERO, second, Some(ratio)) >= 1.0);
         assert!(done(ENOUGH_ROUNDS - 1, Duration::ZERO, second, Some(ratio)) < 1.0);
-        assert!(done(MOST_ROUNDS, Duration::ZERO, second, None) >= 1.0);
+        assert!(done(MAX_ROUNDS, Duration::ZERO, second, None) >= 1.0);
     }
 }

@@ -7,13 +7,13 @@ use super::recipe::{Axis, Order, Recipe, Shape};
 pub struct Named {
     /// As it is typed.
     pub name: &'static str,
-    /// What it is there for, in a line.
+    /// Its purpose, in a line.
     pub about: &'static str,
     /// How it is made.
     pub recipe: Recipe,
 }
 
-/// The scene that axes vary where none is named; it is not among those that a bare `bench` draws.
+/// The scene that axes vary if no scene is named. A `bench` without scenes and axes does not draw it.
 pub const SHEET: &str = "sheet";
 
 /// All scenes that have names, in the order in which they are drawn; [`SHEET`] is the last.
@@ -72,7 +72,7 @@ pub fn named() -> Vec<Named> {
         scene("foliage", "12 k blended leaves over a lawn", of(Shape::Leaves, 24_000)),
         scene(
             SHEET,
-            "one layer of triangles of 32 pixels: what axes vary",
+            "one layer of triangles of 32 pixels; --axis varies it unless scenes are named",
             Recipe::new(Shape::Sheet, None),
         ),
     ]

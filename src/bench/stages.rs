@@ -1,4 +1,4 @@
-//! Where compute's frame goes: the time of each stage, and the remainder.
+//! The parts of compute's frame time: the time of each stage, and the remainder.
 //!
 //! Each timestamp costs a barrier, so stages are timed in frames of their own. Such a frame is not the one
 //! that was measured, and its stages do not fill it: submitting, waiting and the gaps between dispatches

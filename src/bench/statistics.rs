@@ -6,15 +6,15 @@
 //! lies between the `k`-th smallest and the `k`-th largest with probability `1 - 2 P(B < k)`, `B`
 //! binomial with `n` trials at one half. `k` is the largest for which that is at least 95 %. Five
 //! samples or fewer have no such interval. A mean with its standard error was the alternative: one frame
-//! that the system interrupted moves it by more than it claims to be sure of.
+//! that the system interrupted moves the mean by more than its standard error.
 
 /// Relative difference below which two times count as the same, whatever their intervals.
 pub const FLOOR: f64 = 0.02;
 
 /// Fewest samples that have an interval.
-pub const FEWEST: usize = 6;
+pub const MIN_SAMPLES: usize = 6;
 
-/// The median of `samples` and its 95 % interval; the samples are sorted. `None` of none.
+/// The median of `samples`, which this sorts; `None` if there are none.
 pub fn median(samples: &mut [f64]) -> Option<f64> {
     samples.sort_by(f64::total_cmp);
     let n = samples.len();
@@ -25,7 +25,7 @@ pub fn median(samples: &mut [f64]) -> Option<f64> {
     }
 }
 
-/// The 95 % interval of the median; `None` of fewer than [`FEWEST`] samples.
+/// The 95 % interval of the median of `samples`, which this sorts; `None` of fewer than [`MIN_SAMPLES`].
 pub fn interval(samples: &mut [f64]) -> Option<[f64; 2]> {
     samples.sort_by(f64::total_cmp);
     let rank = rank(samples.len())?;
@@ -47,7 +47,7 @@ fn rank(n: usize) -> Option<usize> {
     (k > 0).then_some(k)
 }
 
-/// What a comparison comes to.
+/// The result of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Compute takes less time: the whole interval of the ratio is above 1, and the ratio is above
@@ -58,9 +58,9 @@ pub enum Verdict {
     Slower,
     /// The whole interval is between `1 / (1 + FLOOR)` and `1 + FLOOR`.
     Same,
-    /// Anything else: more rounds or a quieter machine would tell.
+    /// Anything else: more rounds or a quieter machine might decide it.
     Ambiguous,
-    /// The machine was busy, so that the times say nothing sure.
+    /// The machine was busy, so that the times prove nothing.
     Busy,
     /// The pictures differ, so that the times say nothing.
     Invalid,
@@ -114,13 +114,13 @@ pub struct Ratio {
     /// The quotient of the medians.
     pub value: f64,
     /// The 95 % interval of the median over the rounds of one round's quotient, stretched to hold
-    /// [`Ratio::value`]. The two frames of a round are neighbours in time, so what slows the machine
-    /// down for a while cancels out of their quotient, which it does not out of that of two medians.
+    /// [`Ratio::value`]. The two frames of a round are neighbours in time, so a slow phase of the machine
+    /// cancels out of their quotient. It does not cancel out of the quotient of two medians.
     pub interval: Option<[f64; 2]>,
 }
 
 impl Ratio {
-    /// Of the times of rounds, each (compute, classic).
+    /// The ratio of rounds; each has the times (compute, classic).
     pub fn new(rounds: &[(f64, f64)]) -> Option<Self> {
         let mut compute: Vec<f64> = rounds.iter().map(|r| r.0).collect();
         let mut classic: Vec<f64> = rounds.iter().map(|r| r.1).collect();
@@ -179,7 +179,7 @@ mod tests {
         ] {
             assert_eq!(rank(n), expected, "{n}");
         }
-        assert!((0..FEWEST).all(|n| rank(n).is_none()));
+        assert!((0..MIN_SAMPLES).all(|n| rank(n).is_none()));
     }
 
     #[test]

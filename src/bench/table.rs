@@ -19,7 +19,7 @@ const HEADER: [&str; 11] = [
     "verdict",
 ];
 
-/// What the row of frames in which everything changes is called.
+/// The name of the row of frames in which everything changes.
 const CHANGING: &str = "  everything changes";
 
 /// The columns of a table whose rows are written one by one: their widths are known before.
@@ -46,8 +46,7 @@ impl Columns {
         self.line(&HEADER.map(String::from))
     }
 
-    /// The lines of a row: the warm frames, those in which everything changes, and what is to be said
-    /// of it.
+    /// The lines of a row: the warm frames, the frames in which everything changes, and remarks.
     pub fn row(&self, row: &Value) -> String {
         let difference = &row["difference"];
         let mut out = self.line(&[
@@ -101,7 +100,7 @@ pub(super) fn remarks(row: &Value) -> Vec<String> {
     if row["images_equal"] == false {
         let d = &row["difference"];
         remarks.push(format!(
-            "the pictures differ (coverage {}, winner {}, colour {}, depth {}): its times say nothing",
+            "the pictures differ (coverage {}, winner {}, colour {}, depth {}): its times mean nothing",
             d["coverage_differing"], d["winner_differing"], d["colour_over_1"], d["depth_max"],
         ));
     }
@@ -113,7 +112,7 @@ pub(super) fn remarks(row: &Value) -> Vec<String> {
     remarks
 }
 
-/// What stands below the rows: means, what was left out, how it was measured.
+/// The text below the rows: the means, the rows that were left out, and how the rows were measured.
 pub fn footer(document: &Value) -> String {
     let rows = document["rows"].as_array().map_or(&[][..], Vec::as_slice);
     let mut out = String::new();
@@ -166,7 +165,7 @@ pub fn footer(document: &Value) -> String {
     out
 }
 
-/// That the run did not come to its end.
+/// The sentence that the run did not come to its end.
 pub(super) fn unfinished(document: &Value) -> String {
     let measured = document["rows"].as_array().map_or(0, Vec::len);
     let planned = document["settings"]["rows"].as_u64().unwrap_or(0);
@@ -243,7 +242,7 @@ pub fn csv_header() -> String {
     separated(COLUMNS.iter().map(|(name, _)| name.to_string()))
 }
 
-/// A row as comma-separated values; what was not measured is empty.
+/// A row as comma-separated values; a value that was not measured is empty.
 pub fn csv_line(row: &Value) -> String {
     separated(COLUMNS.iter().map(|(_, path)| match row.pointer(path) {
         None | Some(Value::Null) => String::new(),

@@ -4,12 +4,12 @@
 //! watched, since none of them sees everything:
 //!
 //! * how much of the processors *other programs* used meanwhile, time that a hypervisor took included;
-//! * whether a fixed piece of work of the device (the *calibration*) takes longer than it did at best: that
-//!   shows clocks that change, and machines that do not tell what else they do;
+//! * whether a fixed piece of work of the device (the *calibration*) takes longer than it did at best. This
+//!   shows a clock that changes, and other work that the system does not report;
 //! * how much the frames of one executor vary.
 //!
-//! What goes over its limit becomes a reason, and a row with a reason has the verdict BUSY. Its figures
-//! stay. The load average is written down and is no reason: it remembers a minute that is over, and counts
+//! A figure over its limit becomes a reason, and a row with a reason has the verdict BUSY. The row's other
+//! figures stay. The load average is recorded but is no reason: it covers a minute that is over, and it counts
 //! the benchmark's own threads.
 
 use super::{
@@ -30,7 +30,7 @@ const MOST_SPREAD: f64 = 0.25;
 /// Load average for each processor above which a run starts with a warning.
 const MOST_LOAD: f64 = 0.5;
 
-/// What the machine did while a row was measured. `None` is what the system does not tell.
+/// The state of the machine while a row was measured; `None` where the system does not report it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quiet {
     /// Load average of the last minute, before the row.

@@ -13,10 +13,10 @@ use std::{collections::HashMap, sync::Arc};
 /// The descriptor sets of one recording.
 #[derive(Default)]
 pub(super) struct Bindings {
-    /// By binding set, pipeline and number of the set. Not by layout: what is written depends on the
+    /// By binding set, pipeline and number of the set. The layout is no key: the descriptors depend on the
     /// pipeline's shaders too, and a driver may give equal layouts one handle.
     sets: HashMap<(*const BindingSet, *const Compiled, usize), vk::DescriptorSet>,
-    /// Storage blocks that shaders write: what is written is not visible outside the pass, so each
+    /// Storage blocks that shaders write. These writes are not visible outside the pass, so each
     /// execution starts with a copy.
     copies: HashMap<*const pass::Buffer, Buffer<u8>>,
 }
@@ -122,7 +122,7 @@ impl Bindings {
                 true => write.buffer_info(&buffers),
                 false => write.image_info(&images),
             };
-            // SAFETY: the set is new; what is written is kept by the recording.
+            // SAFETY: the set is new; the recording keeps the resources that are written to it.
             unsafe { gpu.0.device.update_descriptor_sets(&[write], &[]) };
         }
         Ok(raw)

@@ -1,8 +1,8 @@
 //! The same [`Pass`] through the device's own graphics pipeline: the opponent and the parity oracle.
 //!
 //! It takes the very SPIR-V that the user brought, and sets the state that the pass describes,
-//! one `vkCmdDraw` for each draw. Nothing is clever here on purpose: what it draws is what any Vulkan
-//! program would draw.
+//! one `vkCmdDraw` for each draw. Nothing is clever here on purpose: it draws as any Vulkan program
+//! would.
 //!
 //! | file | concept |
 //! |---|---|
@@ -61,7 +61,7 @@ impl Renderer {
         })
     }
 
-    /// What is kept for the passes to come.
+    /// Counts of the objects that are kept for later passes.
     pub fn cached(&self) -> Cached {
         Cached {
             pipelines: self.pipelines.len(),
@@ -71,7 +71,7 @@ impl Renderer {
         }
     }
 
-    /// Checks `pass`, uploads what is new in it, compiles its pipelines and records its draws.
+    /// Checks `pass`, uploads its new resources, compiles its pipelines and records its draws.
     ///
     /// # Errors
     /// [`Error::Usage`] if the pass contradicts itself, [`Error::Capacity`] if it does not fit.
@@ -81,15 +81,15 @@ impl Renderer {
         Prepared::new(&self.gpu, &mut self.resources, pass, &compiled)
     }
 
-    /// Records the draws of `pass` anew into `prepared`, which keeps its targets: what a program does in
-    /// each frame. The pass is not validated, since such a program would not pay for it either: it must
+    /// Records the draws of `pass` anew into `prepared`, which keeps its targets. A program does the same in
+    /// each frame. The pass is not validated, since such a program would not pay for that either: it must
     /// be valid and have the extent and the formats of the pass that was prepared.
     pub(crate) fn record_again(&mut self, prepared: &mut Prepared, pass: &Pass) -> Result<()> {
         let compiled = self.compiled(pass)?;
         prepared.record(&self.gpu, &mut self.resources, pass, &compiled)
     }
 
-    /// The pipelines of `pass`; what no pass uses any more is forgotten.
+    /// The pipelines of `pass`. Pipelines that no pass uses any more are dropped.
     fn compiled(&mut self, pass: &Pass) -> Result<Vec<Arc<Compiled>>> {
         self.resources.trim();
         self.pipelines.next_pass(|compiled| Arc::strong_count(compiled) > 1);

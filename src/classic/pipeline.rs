@@ -15,7 +15,7 @@ use std::{
     sync::Arc,
 };
 
-/// What a compiled pipeline depends on beside its [`Pipeline`].
+/// The properties of the pass that a compiled pipeline depends on, beside its [`Pipeline`].
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     color: Format,
@@ -57,8 +57,8 @@ impl Variant {
     }
 }
 
-/// What a compiled pipeline is made of. Equal content makes equal keys, whatever it is called and however
-/// often it is wrapped anew.
+/// The content that a compiled pipeline is made of. Equal content makes equal keys, whatever its labels are and
+/// even if it is made twice.
 pub(super) struct Key(pub Arc<Pipeline>, pub Variant);
 
 impl Key {
@@ -135,8 +135,8 @@ impl Drop for Compiled {
     }
 }
 
-/// What the device's own pipeline takes between vertex buffers, stages and targets. Vulkan promises less
-/// than compute has.
+/// Checks the limits of the device's own pipeline for attributes, varyings and outputs. Vulkan guarantees less
+/// than compute offers.
 fn check_limits(gpu: &Gpu, pipeline: &Pipeline) -> Result<()> {
     let limits = gpu.0.draw_limits;
     let (vertex, fragment) = (&pipeline.vertex.reflection, &pipeline.fragment.reflection);

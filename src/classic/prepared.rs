@@ -74,7 +74,7 @@ impl Prepared {
         Ok(Frame { color: self.read_color()?, depth })
     }
 
-    /// The colour target alone, as [`Prepared::read`] returns it: half the work for who shows it.
+    /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
     ///
     /// # Errors
     /// As [`Prepared::execute`].
@@ -187,7 +187,7 @@ fn record_draws(
     }
     let mut bound = None;
     for draw in &pass.draws {
-        // What makes no primitive draws nothing, but some drivers walk through all its vertices.
+        // A draw without primitives draws nothing, but some drivers walk through all its vertices.
         let topology = pass.pipelines[draw.pipeline].topology;
         if topology.primitives(draw.count) == 0 || draw.instances == 0 {
             continue;

@@ -1,7 +1,7 @@
-//! What was typed: the command line as clap reads it, and the help it shows.
+//! The command line as clap parses it, and the help that it shows.
 //!
-//! Nothing here decides anything: values are parsed one by one, each with a message that says what
-//! is expected. What they mean together is the second layer's business ([`super::plan`]).
+//! This layer parses the values one by one; the message for a bad value says what is expected. The second
+//! layer ([`super::plan`]) decides what the values mean together.
 
 mod bench;
 
@@ -30,18 +30,18 @@ const AFTER_HELP: &str = "\
 Exit codes:
   0  done
   1  the pictures differ, or a shader is refused
-  2  the command line makes no sense
+  2  the command line is not valid
   3  no suitable device
   4  a file cannot be read or written, or standard output is closed
   5  the device was lost or did not answer in time
   6  something does not fit into memory or into a limit
 
 Environment:
-  TILEWRIGHT_DEVICE        the device, where --device does not name one
-  TILEWRIGHT_TIMEOUT       seconds, where --timeout does not give them
+  TILEWRIGHT_DEVICE        the device, if --device does not name one
+  TILEWRIGHT_TIMEOUT       the time-out in seconds, if --timeout does not give it
   TILEWRIGHT_CACHE=off     keep no compiled shaders and pipelines on disk
-  TILEWRIGHT_LOG           what is said: error, warn (as it is), info, debug or trace
-  TILEWRIGHT_VALIDATION=1  load the Vulkan validation layer and say what it finds
+  TILEWRIGHT_LOG           level of messages: off, error, warn (the default), info, debug or trace
+  TILEWRIGHT_VALIDATION=1  load the Vulkan validation layer and report its findings
 
 Example:
   tilewright render builtin:teapot -o teapot.png";
@@ -90,7 +90,7 @@ Example:
   tilewright devices
   TILEWRIGHT_DEVICE=llvmpipe tilewright render builtin:teapot -o teapot.png")]
     Devices(JsonArgs),
-    /// Say what is there, what is missing and how to fix it
+    /// Report the state of Vulkan on this machine, and how to fix its faults
     #[command(after_help = "\
 Example:
   tilewright doctor")]
@@ -119,7 +119,7 @@ pub struct RenderArgs {
     /// Where the PNG goes; `-` is standard output
     #[arg(short, long, value_name = "OUT.png")]
     pub output: PathBuf,
-    /// What draws
+    /// Draw with compute kernels or with the device's own graphics pipeline
     #[arg(long, value_enum, default_value_t = Backend::Compute)]
     pub backend: Backend,
     /// Write times, counts and the device as JSON
@@ -259,7 +259,7 @@ pub struct ViewArgs {
     pub time: Option<f64>,
 }
 
-/// Which device. There is no fall-back: what is asked for is used, or the run ends with code 3.
+/// Which device to use. There is no fall-back: if the requested device cannot be used, the run ends with code 3.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Device")]
 pub struct DeviceArgs {

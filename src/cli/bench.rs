@@ -1,4 +1,4 @@
-//! `tilewright bench`: which of the two draws a pass faster.
+//! `tilewright bench`: measures which of the two executors draws a pass faster.
 
 mod alone;
 mod cases;
@@ -9,8 +9,8 @@ use super::{
     args::{BenchArgs, BenchCompareArgs, BenchShowArgs, BenchVerb},
     device,
     exit::Outcome,
+    messages,
     output::{Output, write_json, write_stdout},
-    talk,
 };
 use crate::{
     bench::{self, Axis, Executors, Rates, Settings, Watch},
@@ -31,7 +31,7 @@ const ROW_SECONDS: f64 = 3.0;
 /// Steps of the progress bar per row.
 const STEPS: u64 = 100;
 
-/// Measures what was asked for.
+/// Measures the requested rows.
 ///
 /// # Errors
 /// Those of the scenes and of the executors, the first of them after the results of all other rows were
@@ -53,10 +53,10 @@ pub fn run(args: &BenchArgs) -> Result<Outcome> {
     let gpu = device::open(&args.device)?;
     device::require_graphics(&gpu)?;
     if let (Some(backend), Some(case)) = (alone::executor(), cases.first()) {
-        return alone::be(&gpu, backend, &case.pass()?);
+        return alone::measure(&gpu, backend, &case.pass()?);
     }
     if let Some(busy) = bench::busy_already() {
-        talk::line(format_args!("warning: {busy}"));
+        messages::line(format_args!("warning: {busy}"));
     }
     let environment = bench::environment(gpu.info(), Rates::measure(&gpu)?);
     let settings = settings(args, ROW_SECONDS);
@@ -85,13 +85,13 @@ fn settings(args: &BenchArgs, seconds: f64) -> Settings {
     }
 }
 
-/// Measures the cases one by one and hands each row on. Returns the first fault of a case: the rows that
-/// were measured are no worse for it.
+/// Measures the cases one by one and hands each row on. A case that fails does not stop the others; the first
+/// fault is returned at the end.
 fn rows(args: &BenchArgs, gpu: &Gpu, cases: &[Case]) -> Result<Option<Error>> {
     let mut executors = Executors::new(gpu)?;
     let mut watch = Watch::new(gpu)?;
     let started = Instant::now();
-    let bar = talk::progress("measuring", cases.len() as u64 * STEPS);
+    let bar = messages::progress("measuring", cases.len() as u64 * STEPS);
     // The processes of a row take about as long as its rounds.
     let in_here = if args.warm_only { 1.0 } else { 0.5 };
     let mut failed = None;
@@ -176,8 +176,7 @@ fn show(args: &BenchShowArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Prints what changed between two results. It is no failure if something became slower: whoever asks
-/// reads the verdicts.
+/// Prints the changes between two results. A slower row is no failure: the user reads the verdicts.
 fn compare(args: &BenchCompareArgs) -> Result<Outcome> {
     let diff = bench::diff(&read(&args.before)?, &read(&args.after)?);
     if args.json {

@@ -1,11 +1,11 @@
-//! `tilewright conform shaders`: what becomes of the shaders in a folder.
+//! `tilewright conform shaders`: checks which shaders of a folder can be drawn with.
 
 use super::{
     args::{ConformShadersArgs, StageArg},
     device,
     exit::Outcome,
+    messages,
     output::{write_json, write_stdout},
-    talk,
 };
 use crate::{
     compute,
@@ -20,8 +20,8 @@ use crate::{
 use serde_json::{Value, json};
 use std::{fmt::Write, sync::Arc};
 
-/// Takes every shader as far as it gets. A folder of which any shader is refused ends with 1: whoever
-/// asks wants to hear of it.
+/// Takes every shader as far as it gets. If any shader of the folder is refused, the exit code is 1, so that
+/// a script notices.
 ///
 /// # Errors
 /// [`Error::Input`](crate::Error::Input) for a folder that cannot be read or has no shaders.
@@ -35,7 +35,7 @@ pub fn shaders(args: &ConformShadersArgs) -> Result<Outcome> {
         StageArg::Fragment => Stage::Fragment,
     });
     let options = FileOptions { stage, include: args.include.clone() };
-    let bar = talk::progress("shaders", 0);
+    let bar = messages::progress("shaders", 0);
     let found = conform(
         &args.dir,
         &options,

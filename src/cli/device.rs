@@ -1,16 +1,16 @@
-//! Opening the device that was asked for, and saying which one it is.
+//! Opens the requested device and names it.
 //!
-//! The device is said on standard error on every run and stored in every artefact: a picture or a
-//! figure without its device is worth nothing.
+//! Every run names its device on standard error, and every file that the tool writes names it too: a picture
+//! or a figure is worth nothing without its device.
 
-use super::{args::DeviceArgs, talk};
+use super::{args::DeviceArgs, messages};
 use crate::{
     error::{Error, Result},
     vk::{DeviceInfo, Gpu, GpuOptions, Require},
 };
 use serde_json::{Value, json};
 
-/// Opens the device and says which one it is.
+/// Opens the device and names it on standard error.
 ///
 /// # Errors
 /// As [`Gpu::open`].
@@ -23,7 +23,7 @@ pub fn open(args: &DeviceArgs) -> Result<Gpu> {
     let device = args.device.clone().filter(|selector| !selector.is_empty());
     let timeout = args.timeout.0;
     let gpu = Gpu::open(&GpuOptions { device, require, timeout, ..GpuOptions::default() })?;
-    talk::note(format_args!("device: {}", gpu.info()));
+    messages::note(format_args!("device: {}", gpu.info()));
     Ok(gpu)
 }
 
@@ -35,8 +35,8 @@ pub fn require_graphics(gpu: &Gpu) -> Result<()> {
     let lacks = if !gpu.has_graphics() {
         "does not draw by itself, so there is nothing to compare with"
     } else if !gpu.has_primitive_ids() {
-        "draws without gl_PrimitiveID (its feature geometryShader), so nobody can tell which triangle \
-         won a pixel"
+        "draws without gl_PrimitiveID (its feature geometryShader), so the triangle that won a pixel \
+         is not known"
     } else {
         return Ok(());
     };

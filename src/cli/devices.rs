@@ -1,4 +1,4 @@
-//! `tilewright devices`: what is there, and whether it can be used.
+//! `tilewright devices`: lists the devices and whether they can be used.
 
 use super::{args::JsonArgs, device, exit::Outcome, output::write_json, output::write_stdout};
 use crate::{

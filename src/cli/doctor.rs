@@ -1,4 +1,4 @@
-//! `tilewright doctor`: what is there, what is missing, and the exact fix.
+//! `tilewright doctor`: reports which parts of Vulkan are installed and which are missing, with the exact fix.
 
 use super::{
     args::JsonArgs,
@@ -16,7 +16,7 @@ use std::fmt::Write;
 /// Examines this machine.
 ///
 /// # Errors
-/// Only if the answer cannot be written: what is wrong with the machine is the answer.
+/// Only if the report cannot be written: faults of the machine are part of the report.
 pub fn run(args: &JsonArgs) -> Result<Outcome> {
     let doctor = vk::doctor();
     if args.json {

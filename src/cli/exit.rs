@@ -1,4 +1,4 @@
-//! The fixed exit codes: what a script can rely on.
+//! The fixed exit codes, which scripts can rely on.
 
 use crate::error::Error;
 use std::process::ExitCode;
@@ -17,7 +17,7 @@ pub enum Outcome {
 /// The command line makes no sense.
 pub const USAGE: u8 = 2;
 
-/// A fault of ours: what a Rust program ends with after a panic.
+/// An internal error: the code that a Rust program ends with after a panic.
 pub const INTERNAL: u8 = 101;
 
 impl From<Outcome> for ExitCode {

@@ -1,4 +1,4 @@
-//! `tilewright completions` and `tilewright man`: what is generated from the definitions of the command line.
+//! `tilewright completions` and `tilewright man`: both are generated from the definitions of the command line.
 
 use super::{
     args::{CompletionsArgs, ManArgs, Typed},

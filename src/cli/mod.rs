@@ -1,17 +1,17 @@
-//! The command-line tool, in two layers: what was typed, and what will be done.
+//! The command-line tool, in two layers: `args` parses the command line, `plan` decides what will be done.
 //!
 //! | file | concept |
 //! |---|---|
-//! | `args` | what was typed: flags, their values, the help |
-//! | `plan` | what will be done: every check that needs no device, before any work |
+//! | `args` | the command line as it was typed: flags, their values, the help |
+//! | `plan` | the work to do: every check that needs no device, before any work |
 //! | `render`, `parity`, `bench`, `conform`, `devices`, `doctor` | the verbs |
 //! | `generated` | completions for shells and the manual, from the definitions in `args` |
-//! | `device` | opening the device that was asked for, and saying which one it is |
+//! | `device` | opening the requested device, and naming it |
 //! | `output` | files that appear whole or not at all; standard output |
-//! | `talk` | all that is said on standard error |
+//! | `messages` | everything that is written to standard error |
 //! | `exit` | the exit codes |
 //!
-//! Data goes to standard output, talk to standard error. A run that can fail early fails early: the
+//! Data goes to standard output, messages to standard error. A run that can fail early fails early: the
 //! command line is checked first, then the outputs, then the device, and only then is a scene read.
 
 mod args;
@@ -22,13 +22,13 @@ mod devices;
 mod doctor;
 mod exit;
 mod generated;
+mod messages;
 mod output;
 mod parity;
 mod picture;
 mod plan;
 mod render;
-mod shot;
-mod talk;
+mod scene_view;
 
 use crate::error::Result;
 use args::{ConformArgs, ConformSubject, Typed, Verb};
@@ -38,11 +38,11 @@ use std::{io::Write, process::ExitCode};
 
 /// Runs the tool on the process's arguments.
 pub fn run() -> ExitCode {
-    talk::install();
+    messages::install();
     // The hook has said what happened; unwinding ends here, so that nothing else is printed.
     std::panic::catch_unwind(|| match Typed::try_parse() {
         Ok(typed) => {
-            talk::set_quiet(typed.quiet);
+            messages::set_quiet(typed.quiet);
             finish(dispatch(typed.verb))
         }
         Err(message) => {
@@ -75,7 +75,7 @@ fn finish(result: Result<Outcome>) -> ExitCode {
     match result {
         Ok(outcome) => outcome.into(),
         Err(error) => {
-            talk::line(format_args!("tilewright: {error}"));
+            messages::line(format_args!("tilewright: {error}"));
             ExitCode::from(exit::code(&error))
         }
     }

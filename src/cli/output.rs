@@ -109,7 +109,7 @@ impl Output {
 
     /// Writes `bytes`, all of them or nothing.
     ///
-    /// A reader of standard output that has gone away is no error: it has had enough.
+    /// It is no error if the reader of standard output has gone away: it needs no more data.
     ///
     /// # Errors
     /// [`Error::Io`] if the system refuses.
@@ -156,7 +156,7 @@ pub fn write_stdout(bytes: &[u8]) -> Result<()> {
     printed(out.write_all(bytes).and_then(|()| out.flush()))
 }
 
-/// What became of writing to standard output. A reader that has gone away is no error.
+/// The outcome of writing to standard output. It is no error if the reader has gone away.
 ///
 /// # Errors
 /// [`Error::Io`] if the system refused, or if there is no standard output.
@@ -175,7 +175,7 @@ pub fn write_json(value: &serde_json::Value) -> Result<()> {
     write_stdout(format!("{value:#}\n").as_bytes())
 }
 
-/// Where the symbolic links of `path` lead, whose last one leads to what is not there yet.
+/// The path that the symbolic links of `path` lead to; there is no file at that path yet.
 fn end_of_links(path: &Path) -> io::Result<PathBuf> {
     let mut at = path.to_path_buf();
     // As many as Linux follows.
@@ -188,7 +188,7 @@ fn end_of_links(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("its symbolic links lead in a circle"))
 }
 
-/// A disk or a part of one: nobody means to replace a file system by a picture.
+/// A disk or a part of one. A picture must not replace a file system by mistake.
 fn is_block_device(found: &fs::Metadata) -> bool {
     #[cfg(unix)]
     {
@@ -224,10 +224,10 @@ fn temporary(target: &Path) -> io::Result<NamedTempFile> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // What the umask leaves of it, as for any new file.
+        // The umask restricts the permissions, as for any new file.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    // The kind alone: the message would name the temporary file, which is nobody's business.
+    // Only the kind is kept: the message would name the temporary file, which means nothing to the user.
     let file = builder.tempfile_in(folder(target)).map_err(|e| io::Error::from(e.kind()))?;
     if let Ok(found) = fs::metadata(target) {
         file.as_file().set_permissions(found.permissions())?;

@@ -4,11 +4,11 @@ use super::{
     args::ParityArgs,
     device,
     exit::Outcome,
+    messages,
     output::{write_json, write_stdout},
     picture,
     plan::ParityPlan,
-    shot::Shot,
-    talk,
+    scene_view::SceneView,
 };
 use crate::{
     classic,
@@ -31,18 +31,18 @@ pub fn run(args: &ParityArgs) -> Result<Outcome> {
     let plan = ParityPlan::new(args)?;
     let gpu = device::open(&args.device)?;
     device::require_graphics(&gpu)?;
-    let shot = Shot::new(&plan.view)?;
-    let drawing = talk::progress("drawing", Both::STEPS);
+    let scene_view = SceneView::new(&plan.view)?;
+    let drawing = messages::progress("drawing", Both::STEPS);
     let mut compute = compute::Renderer::new(&gpu)?;
     let mut classic = classic::Renderer::new(&gpu)?;
-    let both = Both::draw(&mut compute, &mut classic, &shot.pass, |done| drawing.done(done))?;
+    let both = Both::draw(&mut compute, &mut classic, &scene_view.pass, |done| drawing.done(done))?;
     drop((compute, classic, drawing));
 
     let by_compute = Drawn { frame: &both.compute.0, ids: &both.compute.1 };
     let by_classic = Drawn { frame: &both.classic.0, ids: &both.classic.1 };
     let same = both.same();
     if !same {
-        examples(&both.ids, by_compute, by_classic)?.iter().for_each(talk::line);
+        examples(&both.ids, by_compute, by_classic)?.iter().for_each(messages::line);
     }
     if let Some(output) = &plan.difference {
         let image = compare::difference_picture(by_compute, by_classic)?;

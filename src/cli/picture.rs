@@ -7,8 +7,8 @@ use crate::{
     vk::DeviceInfo,
 };
 
-/// `image` as a PNG file. With an `origin` it names the tool, the device and the scene: the file alone,
-/// since the folders of a machine are nobody's business, and the same scene gives the same bytes.
+/// `image` as a PNG file. With an `origin`, the file names the tool, the device and the scene. The scene is
+/// named without its folder: folders are private, and the same scene gives the same bytes on every machine.
 ///
 /// # Errors
 /// As [`png::write_png`].

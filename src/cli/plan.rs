@@ -1,9 +1,9 @@
-//! What will be done: the typed values made sense of together, before any device is touched.
+//! The work to do: checks the typed values together, before any device is touched.
 
 use super::{
     args::{Backend, ParityArgs, RenderArgs, Vec3, ViewArgs},
+    messages,
     output::Output,
-    talk,
 };
 use crate::{
     error::{Error, Result},
@@ -18,7 +18,7 @@ use std::{
 /// Which scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SceneName {
-    /// One that the tool brings along.
+    /// A built-in scene.
     Builtin(String),
     /// A file that exists.
     File(PathBuf),
@@ -34,7 +34,7 @@ impl std::fmt::Display for SceneName {
 }
 
 impl SceneName {
-    /// Without the folder, and the same for all paths to one file.
+    /// The name without the folder; all paths to one file give the same name.
     pub fn title(&self) -> String {
         match self {
             SceneName::Builtin(_) => self.to_string(),
@@ -44,7 +44,7 @@ impl SceneName {
         }
     }
 
-    /// As it can be typed again.
+    /// The scene as a user types it.
     pub fn typed(&self) -> OsString {
         match self {
             SceneName::Builtin(_) => self.to_string().into(),
@@ -53,7 +53,7 @@ impl SceneName {
     }
 }
 
-/// From where the scene is seen.
+/// The camera that the scene is seen by.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraChoice {
     /// The file's first camera, or one that frames the scene.
@@ -64,7 +64,7 @@ pub enum CameraChoice {
     LookAt {
         /// Where it is.
         eye: [f64; 3],
-        /// What it looks at.
+        /// The point that it looks at.
         target: [f64; 3],
         /// Which way is up.
         up: [f64; 3],
@@ -91,9 +91,9 @@ pub struct View {
 /// `tilewright render`.
 #[derive(Debug)]
 pub struct RenderPlan {
-    /// What is drawn.
+    /// The scene and its view.
     pub view: View,
-    /// What draws.
+    /// The executor.
     pub backend: Backend,
     /// Where the picture goes.
     pub picture: Output,
@@ -106,7 +106,7 @@ pub struct RenderPlan {
 /// `tilewright parity`.
 #[derive(Debug)]
 pub struct ParityPlan {
-    /// What is drawn.
+    /// The scene and its view.
     pub view: View,
     /// Whether figures are printed as JSON.
     pub json: bool,
@@ -117,7 +117,7 @@ pub struct ParityPlan {
 }
 
 impl RenderPlan {
-    /// Checks what was typed.
+    /// Checks the typed values.
     ///
     /// # Errors
     /// [`Error::Usage`], [`Error::Input`] for a scene that is not there, [`Error::Io`] for an output
@@ -126,7 +126,7 @@ impl RenderPlan {
         let view =
             View::new(SceneName::new(&args.scene.scene)?, args.scene.size, &args.scene.view)?;
         if args.output.extension().is_some_and(|ending| !ending.eq_ignore_ascii_case("png")) {
-            talk::line(format_args!(
+            messages::line(format_args!(
                 "warning: {} will be a PNG, whatever its name says",
                 args.output.display()
             ));
@@ -146,7 +146,7 @@ impl RenderPlan {
 }
 
 impl ParityPlan {
-    /// Checks what was typed.
+    /// Checks the typed values.
     ///
     /// # Errors
     /// As [`RenderPlan::new`].

@@ -4,10 +4,9 @@ use super::{
     args::{Backend, RenderArgs},
     device,
     exit::Outcome,
-    picture,
+    messages, picture,
     plan::RenderPlan,
-    shot::Shot,
-    talk,
+    scene_view::SceneView,
 };
 use crate::{
     bench, classic, compute,
@@ -28,17 +27,17 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let mut clock = Clock::start();
     let gpu = device::open(&args.device)?;
     clock.lap("open_device");
-    let shot = Shot::new(&plan.view)?;
+    let scene_view = SceneView::new(&plan.view)?;
     clock.lap("read_scene");
     let (frame, timings) = {
-        let _working = talk::working_on("drawing");
-        draw(&gpu, plan.backend, &shot, &mut clock)?
+        let _working = messages::working_on("drawing");
+        draw(&gpu, plan.backend, &scene_view, &mut clock)?
     };
     clock.lap("read_back");
-    if !shot.pass.draws.is_empty() && is_blank(&frame) {
-        talk::line("warning: nothing of the scene is visible: the picture is all background");
+    if !scene_view.pass.draws.is_empty() && is_blank(&frame) {
+        messages::line("warning: nothing of the scene is visible: the picture is all background");
     }
-    let image = shot.picture(frame.color)?;
+    let image = scene_view.picture(frame.color)?;
     let origin = plan.metadata.then_some((gpu.info(), &plan.view.scene));
     plan.picture.write(&picture::encode(&image, origin)?)?;
     clock.lap("write_picture");
@@ -51,10 +50,10 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
             "scene": plan.view.scene.to_string(),
             "backend": plan.backend.name(),
             "extent": [plan.view.extent.width, plan.view.extent.height],
-            "triangles": shot.triangles(),
-            "draws": shot.pass.draws.len(),
-            "scene_triangles": shot.scene.triangles(),
-            "warnings": shot.scene.warnings(),
+            "triangles": scene_view.triangles(),
+            "draws": scene_view.pass.draws.len(),
+            "scene_triangles": scene_view.scene.triangles(),
+            "warnings": scene_view.scene.warnings(),
             "times_ms": clock.json(),
             "device_ms": ns_to_ms(timings.total_ns),
             "stages": stages(&timings),
@@ -65,13 +64,18 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Draws the shot; the clock separates what is done once from what every frame costs.
-fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(Frame, Timings)> {
+/// Draws the view of the scene. The clock separates the work that is done once from the cost of each frame.
+fn draw(
+    gpu: &Gpu,
+    backend: Backend,
+    scene_view: &SceneView,
+    clock: &mut Clock,
+) -> Result<(Frame, Timings)> {
     match backend {
         Backend::Compute => {
             let mut renderer = compute::Renderer::new(gpu)?;
             renderer.time_stages(true);
-            let mut prepared = renderer.prepare(&shot.pass)?;
+            let mut prepared = renderer.prepare(&scene_view.pass)?;
             clock.lap("prepare");
             let timings = prepared.execute()?;
             clock.lap("draw");
@@ -80,7 +84,7 @@ fn draw(gpu: &Gpu, backend: Backend, shot: &Shot, clock: &mut Clock) -> Result<(
             Ok((Frame { color, depth }, timings))
         }
         Backend::Classic => {
-            let mut prepared = classic::Renderer::new(gpu)?.prepare(&shot.pass)?;
+            let mut prepared = classic::Renderer::new(gpu)?.prepare(&scene_view.pass)?;
             clock.lap("prepare");
             let total_ns = prepared.execute()?;
             clock.lap("draw");
@@ -97,7 +101,7 @@ fn is_one_color(color: &Image) -> bool {
     color.bytes.chunks(size).all(|pixel| *pixel == color.bytes[..size])
 }
 
-/// Whether every pixel is as it was before the first draw: one colour, and nothing before the far plane.
+/// Whether every pixel is as the clear left it: one colour, and no depth in front of the far plane.
 fn is_blank(frame: &Frame) -> bool {
     let far = 1f32.to_ne_bytes();
     let depth = frame.depth.as_ref();

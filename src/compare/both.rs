@@ -22,18 +22,17 @@ pub struct Both {
     pub difference: Difference,
     /// How large they may be.
     pub limits: Limits,
-    /// Whether triangles cross the border of the picture; `None` if the narrower limits were kept, so
-    /// that nobody had to ask.
+    /// Whether triangles cross the border of the picture; `None` if it was not checked, because the
+    /// difference is within the narrower limits.
     pub crosses: Option<bool>,
 }
 
 impl Both {
     /// Draws `pass` by both and compares. `step` hears how many of [`Both::STEPS`] are done.
     ///
-    /// What shaders computed and blending made of it is compared, not how a driver rounds it on its
-    /// way into 8 bits: lavapipe encodes sRGB by an approximation that is off by up to 2 of 255, and
-    /// blends 8-bit targets in 8 bits. So the target is of 16-bit floats, and both drawings are
-    /// encoded alike, by the definition.
+    /// It compares the colours that shading and blending give, not a driver's rounding to 8 bits: lavapipe
+    /// encodes sRGB by an approximation that is off by up to 2 of 255, and blends 8-bit targets in 8 bits.
+    /// So the target has 16-bit floats, and both drawings are encoded in the same exact way.
     ///
     /// # Errors
     /// Those of the executors and of [`id_pass`].

@@ -7,10 +7,10 @@ use crate::{
     pass::Frame,
 };
 
-/// The id of a pixel that no primitive covers: what the id pass is cleared to.
+/// The id of a pixel that no primitive covers: the clear value of the id pass.
 pub const NO_PRIMITIVE: u32 = 0;
 
-/// What one executor made of a pass and of its id pass.
+/// The pictures that one executor drew of a pass and of its id pass.
 #[derive(Clone, Copy, Debug)]
 pub struct Drawn<'a> {
     /// The pass as it is.

@@ -5,13 +5,13 @@ use super::Difference;
 /// The most of each figure that still counts as the same picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Of [`Difference::coverage_differing`].
+    /// The limit of [`Difference::coverage_differing`].
     pub coverage_differing: u64,
-    /// Of [`Difference::winner_differing`].
+    /// The limit of [`Difference::winner_differing`].
     pub winner_differing: u64,
-    /// Of [`Difference::colour_over_1`].
+    /// The limit of [`Difference::colour_over_1`].
     pub colour_over_1: u64,
-    /// Of [`Difference::depth_max`].
+    /// The limit of [`Difference::depth_max`].
     pub depth_max: f32,
 }
 

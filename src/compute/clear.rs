@@ -12,7 +12,7 @@ use crate::{
     vk::{Kernel, Recorder},
 };
 
-/// What a pass clears its targets to.
+/// The clear values of a pass.
 #[derive(Clone, Copy, Debug)]
 pub struct Values {
     /// Linear RGBA.

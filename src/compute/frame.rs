@@ -68,7 +68,7 @@ pub struct Setup {
     capacities: Capacities,
 }
 
-/// What a stage's recorder gets to see.
+/// Everything that a stage needs to record its dispatches.
 pub struct Stage<'a> {
     pub buffers: &'a Buffers,
     pub target: &'a Target,
@@ -82,12 +82,12 @@ pub struct Stage<'a> {
 
 /// A pass that was recorded and can run.
 ///
-/// Each band is a submission of its own, so that the time-out bounds what one submission may take
-/// whatever the size of the target.
+/// Each band is a submission of its own, so that the time-out is for one band, whatever
+/// the size of the target.
 pub struct Prepared {
     recordings: Vec<Recording>,
-    /// Bring the targets home, where the host does not see them as they are. Not part of the
-    /// recordings, so that their time does not include it.
+    /// Copy the targets to the host, if the host does not see the device's memory. They are not part of the
+    /// recordings, so that the time of a frame does not include them.
     color_copies: Vec<Recording>,
     depth_copies: Vec<Recording>,
     extent: Extent,
@@ -124,7 +124,7 @@ impl Prepared {
         Ok(Frame { color, depth })
     }
 
-    /// The colour target alone, as [`Prepared::read`] returns it: half the work for who shows it.
+    /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
     ///
     /// # Errors
     /// As [`Prepared::execute`].
@@ -291,8 +291,8 @@ impl Setup {
         pieces
     }
 
-    /// Records all stages of one batch; that of vertices only if they are not in place yet, and with
-    /// complete visibility if it is traced.
+    /// Records all stages of one batch. The vertex stage is left out if its results are in place already; a
+    /// traced batch writes complete visibility.
     pub fn batch(
         &self,
         renderer: &Renderer,
@@ -371,7 +371,7 @@ impl Setup {
     }
 }
 
-/// What the push constants say of a band.
+/// The push constants of a band.
 fn band_push(band: &Grid) -> Batch {
     Batch {
         width: band.extent.width,

@@ -1,4 +1,4 @@
-//! The engine's kernels on one device, and users' shaders spliced into them, each made once.
+//! Makes the engine's kernels on one device, also with users' shaders spliced in. Each is made once.
 
 use super::vertex;
 use crate::{
@@ -17,9 +17,9 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-/// A kernel that is made when a pass wants it.
+/// A kernel that is made when the first pass needs it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum Wanted {
+pub enum KernelRequest {
     /// Raster with a depth comparison.
     Raster(Compare),
     /// Vertex shading.
@@ -40,7 +40,7 @@ pub struct Kernels {
     pub scan: Kernel,
     pub scatter: Kernel,
     pub sort: Kernel,
-    made: Kept<Wanted, Kernel>,
+    made: Kept<KernelRequest, Kernel>,
 }
 
 /// The kernels a plan needs, by the plan's own numbers.
@@ -69,7 +69,7 @@ impl Kernels {
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let width = gpu.limits().subgroup_size;
         let plain = |name, spirv| KernelInfo { name, spirv, ..KernelInfo::default() };
-        let constants = [("WIDTH", width)];
+        let constants = [("SUBGROUP_WIDTH", width)];
         let wide = |name, spirv| wide(width, name, spirv, &constants);
         let infos = [
             plain("clear", prebuilt::CLEAR),
@@ -104,21 +104,21 @@ impl Kernels {
         (self.made.len(), self.made.made())
     }
 
-    /// The kernels of `plan` for a colour format, those that are missing made.
+    /// The kernels of `plan` for a colour format. Missing ones are made.
     ///
     /// # Errors
     /// As [`Kernels::make`].
     pub fn of_plan(&mut self, plan: &Plan, format: u32) -> Result<PlanKernels> {
-        let vertex: Vec<Wanted> =
-            plan.vertex_kernels.iter().map(|key| Wanted::Vertex(key.clone())).collect();
+        let vertex: Vec<KernelRequest> =
+            plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone())).collect();
         let wanted = |batch: &BatchPlan| {
             let keys = batch.fragment_kernels.iter().map(|&k| plan.fragment_kernels[k].clone());
             let fragment = keys.map(|key| match batch.method {
-                Method::Opaque(_) => Wanted::Shade(key, format),
-                Method::Ordered { depth, .. } => Wanted::Ordered(key, format, depth),
+                Method::Opaque(_) => KernelRequest::Shade(key, format),
+                Method::Ordered { depth, .. } => KernelRequest::Ordered(key, format, depth),
             });
             let raster = match batch.method {
-                Method::Opaque(compare) => Some(Wanted::Raster(compare)),
+                Method::Opaque(compare) => Some(KernelRequest::Raster(compare)),
                 Method::Ordered { .. } => None,
             };
             (raster, fragment.collect::<Vec<_>>())
@@ -127,7 +127,7 @@ impl Kernels {
         let of_batches =
             batches.iter().flat_map(|(raster, fragment)| raster.iter().chain(fragment));
         self.make(vertex.iter().chain(of_batches))?;
-        let mut get = |wanted: &Wanted| self.made.get(wanted).expect("it was made").clone();
+        let mut get = |wanted: &KernelRequest| self.made.get(wanted).expect("it was made").clone();
         Ok(PlanKernels {
             vertex: vertex.iter().map(&mut get).collect(),
             last_opaque: batches.iter().rposition(|(raster, _)| raster.is_some()),
@@ -136,16 +136,16 @@ impl Kernels {
         })
     }
 
-    /// Makes those of `wanted` that are not there yet, as many at a time as the machine has cores:
+    /// Makes the kernels of `wanted` that do not exist yet, as many at a time as the machine has cores:
     /// drivers take tens of milliseconds for each.
     ///
     /// # Errors
     /// [`crate::Error::Shader`] if a shader is out of reach, [`crate::Error::Device`] if the driver
     /// refuses a kernel.
-    pub fn make<'w>(&mut self, wanted: impl IntoIterator<Item = &'w Wanted>) -> Result<()> {
+    pub fn make<'w>(&mut self, wanted: impl IntoIterator<Item = &'w KernelRequest>) -> Result<()> {
         let mut seen = HashSet::new();
         let wanted = wanted.into_iter().filter(|&wanted| seen.insert(wanted));
-        let missing: Vec<&Wanted> =
+        let missing: Vec<&KernelRequest> =
             wanted.filter(|&wanted| self.made.get(wanted).is_none()).collect();
         let made = in_parallel(&missing, |wanted| self.kernel(wanted));
         let mut outcome = Ok(());
@@ -158,26 +158,33 @@ impl Kernels {
         outcome
     }
 
-    fn kernel(&self, wanted: &Wanted) -> Result<Kernel> {
+    fn kernel(&self, wanted: &KernelRequest) -> Result<Kernel> {
         let width = self.width;
         let (stage, words, key, constants) = match wanted {
-            Wanted::Raster(compare) => {
-                // To a CPU, shared memory is nothing special, and the driver does not read it by
+            KernelRequest::Raster(compare) => {
+                // Shared memory has no advantage on a CPU, and the driver does not access it by
                 // address.
                 let in_place = self.gpu.reads_by_address().into();
-                let constants =
-                    [("WIDTH", width), ("COMPARE", *compare as u32), ("IN_PLACE", in_place)];
+                let constants = [
+                    ("SUBGROUP_WIDTH", width),
+                    ("COMPARE", *compare as u32),
+                    ("IN_PLACE", in_place),
+                ];
                 let info = wide(width, "raster", prebuilt::RASTER, &constants);
                 return Kernel::trusted(&self.gpu, &info);
             }
-            Wanted::Vertex(key) => {
+            KernelRequest::Vertex(key) => {
                 ("vertex", prebuilt::VERTEX, key, vec![("LANES", vertex::lanes(width))])
             }
-            Wanted::Shade(key, format) => {
-                ("shade", prebuilt::SHADE, key, vec![("WIDTH", width), ("FORMAT", *format)])
-            }
-            Wanted::Ordered(key, format, depth) => {
-                let constants = vec![("WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
+            KernelRequest::Shade(key, format) => (
+                "shade",
+                prebuilt::SHADE,
+                key,
+                vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format)],
+            ),
+            KernelRequest::Ordered(key, format, depth) => {
+                let constants =
+                    vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
                 ("ordered", prebuilt::ORDERED, key, constants)
             }
         };

@@ -1,7 +1,7 @@
-//! A pass by kernels: the product.
+//! Executes a pass by compute kernels: the product.
 //!
-//! The order of the stages of a batch, each a file here, kernels in `glsl/` and, where no user code
-//! decides, a twin in `reference/`:
+//! The stages of a batch, in order. Each is a file here, one or more kernels in `glsl/` and, if its result does
+//! not depend on user code, a twin in `reference/`:
 //!
 //! ```text
 //! clear      the targets' clear values, once per band
@@ -9,12 +9,12 @@
 //! primitive  assembly, clipping, culling, fixed-point setup; counts what each cell will list
 //! binning    scan of the counts, scatter of the keys, sort where order matters
 //! raster     which triangle each pixel shows (opaque work)      | ordered  raster, shading and
-//! shade      the user's fragment shader for what is visible     |          blending in API order
+//! shade      the user's fragment shader at visible pixels       |          blending in API order
 //! ```
 //!
 //! [`Renderer::prepare`] plans a pass, makes its kernels and records one submission for each band;
 //! [`Prepared::execute`] runs it, with no decision by the CPU in between; [`Prepared::read`] returns
-//! the pictures. [`Renderer::trace`] stops after every batch and brings all intermediates home.
+//! the pictures. [`Renderer::trace`] stops after every batch and copies all intermediates to the host.
 
 mod binning;
 mod clear;
@@ -41,7 +41,7 @@ use crate::{
     trace::Trace,
     vk::{Cached, Gpu, Resources},
 };
-use kernels::{Kernels, Wanted};
+use kernels::{KernelRequest, Kernels};
 use slots::{TablePool, TableSlots, Tables};
 use std::sync::Arc;
 
@@ -77,8 +77,8 @@ impl Renderer {
         })
     }
 
-    /// Bounds what one batch may hold. The picture does not depend on it. What is less than
-    /// [`Capacities::LEAST`] or more than [`Capacities::MOST`] is taken for that.
+    /// Limits the contents of one batch. The picture does not depend on it. A value below
+    /// [`Capacities::LEAST`] or above [`Capacities::MOST`] is replaced by that one.
     pub fn set_batch_limit(&mut self, limit: Capacities) {
         self.limit = limit.clamped();
     }
@@ -88,7 +88,7 @@ impl Renderer {
         self.timed = timed;
     }
 
-    /// What is kept for the passes to come.
+    /// Counts of the objects that are kept for later passes.
     pub fn cached(&self) -> Cached {
         let (pipelines, pipelines_made) = self.kernels.counts();
         let tables = self.tables.len();
@@ -120,11 +120,12 @@ impl Renderer {
         };
         self.kernels.next_pass();
         match shader.stage {
-            Stage::Vertex => self.kernels.make(&[Wanted::Vertex(key)]),
+            Stage::Vertex => self.kernels.make(&[KernelRequest::Vertex(key)]),
             Stage::Fragment => {
                 let format = kernels::color_format(Format::Rgba8Srgb)?;
-                let ordered = Wanted::Ordered(key.clone(), format, depth_mode(&shader.reflection));
-                self.kernels.make(&[Wanted::Shade(key, format), ordered])
+                let ordered =
+                    KernelRequest::Ordered(key.clone(), format, depth_mode(&shader.reflection));
+                self.kernels.make(&[KernelRequest::Shade(key, format), ordered])
             }
         }
     }

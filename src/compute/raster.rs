@@ -1,7 +1,7 @@
 //! Records raster and z-test of opaque work: a workgroup for each non-empty bin.
 //!
-//! Reads: bins, lists, triangles. Writes: visibility, depth, the bins of each fragment kernel and what
-//! covers them.
+//! Reads: bins, lists, triangles. Writes: visibility, depth, the bins of each fragment kernel with the
+//! triangles that cover whole bins.
 //! Contract and kernel: `glsl/raster.comp`.
 
 use super::frame::Stage;

@@ -1,6 +1,7 @@
 //! Records shading of opaque work: a dispatch for each fragment kernel over the bins it is seen in.
 //!
-//! Reads: the bins and what covers them, visibility, triangles, positions, varyings, the resource table. Writes: colour.
+//! Reads: the bins and the triangles that cover whole bins, visibility, triangles, positions, varyings, the
+//! resource table. Writes: colour.
 //! Contract and kernel: `glsl/shade.comp`.
 
 use super::frame::Stage;

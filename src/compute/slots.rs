@@ -15,8 +15,8 @@ const PUSH_ALIGNMENT: usize = 256;
 /// Bytes of a buffer of push-constant blocks, if one block is not more.
 const PUSH_BYTES: usize = 1 << 20;
 
-/// Resource tables, kept from pass to pass: to make one costs as much as to fill a table with thousands of
-/// resources, whatever the pass needs of it.
+/// Resource tables, kept from pass to pass: making a table costs as much as filling it with thousands of
+/// resources, however few a pass needs.
 ///
 /// A table is used again once no recording has it bound, and goes by the rule of [`crate::kept`].
 pub struct TablePool {
@@ -31,8 +31,8 @@ impl TablePool {
         Self { gpu: gpu.clone(), tables: Vec::new(), pass: 0 }
     }
 
-    /// Begins another pass: empties the tables that no recording has bound, which lets go of what is in
-    /// them, and lets go of tables that are not needed any more.
+    /// Begins another pass: empties the tables that no recording has bound, which drops their resources, and
+    /// drops tables that are not needed any more.
     pub fn next_pass(&mut self) -> Result<()> {
         self.pass += 1;
         let pass = self.pass;
@@ -60,7 +60,7 @@ impl TablePool {
     }
 }
 
-/// Uploads what the planner asks for and hands out slots.
+/// Uploads resources for the planner and hands out their slots.
 pub struct TableSlots<'a> {
     gpu: &'a Gpu,
     pool: &'a mut TablePool,
@@ -105,7 +105,7 @@ impl<'a> TableSlots<'a> {
         Ok(slots)
     }
 
-    /// What was filled.
+    /// The tables that were filled.
     pub fn into_tables(self) -> Tables {
         self.tables
     }
@@ -128,7 +128,7 @@ impl<'a> TableSlots<'a> {
         Ok(slots?.first().copied().unwrap_or(0))
     }
 
-    /// The slot of a resource; `block` is the bytes of the block that it is, if it is one.
+    /// The slot of a resource. If it is a block, `block` is its size in bytes.
     fn insert(&mut self, binding: &Binding, block: u32) -> Result<u32> {
         match binding {
             Binding::Uniform(range) => {

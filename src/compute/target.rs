@@ -2,7 +2,7 @@
 //! host finds them.
 //!
 //! Kernels work on the target's own rows, with no copy of a bin between a clear and a resolve of all
-//! pixels; `docs/tried.md` says what that cost.
+//! pixels; `docs/tried.md` has the cost of such copies.
 
 use crate::{
     error::Result,
@@ -20,7 +20,7 @@ pub struct Target {
     /// The least and the greatest depth that a bin may hold, as the batches of opaque work that follow
     /// ask for them.
     pub bin_bounds: Buffer<[f32; 2]>,
-    /// What the host reads; the same memory where it sees the device's.
+    /// The memory that the host reads; the same as `color` if the host sees the device's memory.
     pub host_color: Buffer<u32>,
     /// See `host_color`.
     pub host_depth: Buffer<f32>,

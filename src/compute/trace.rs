@@ -1,4 +1,4 @@
-//! A pass batch by batch, with every intermediate read back.
+//! Executes a pass batch by batch and reads every intermediate back.
 
 use super::{Renderer, frame::Setup};
 use crate::{
@@ -94,7 +94,8 @@ fn parts(triangles: &[Triangle], primitives: u32, extra_first: u32) -> Vec<Parts
         .collect()
 }
 
-/// Makes what covers whole bins visible in them: shading finds that in its lists of bins.
+/// Fills the visibility of bins that one triangle covers: kernels leave such a triangle only in the lists of bins
+/// for shading.
 fn show_covered(
     visibility: &mut [[u32; 4]],
     band: &Grid,

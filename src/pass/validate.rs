@@ -1,5 +1,5 @@
-//! Whether a pass makes sense: the one check that all executors share, so that all of them refuse the
-//! same input with the same words, and none of them ever reads outside a buffer.
+//! Checks whether a pass is valid. All executors share this check, so that they refuse the same input with the
+//! same words and never read outside a buffer.
 
 mod pipeline;
 
@@ -27,8 +27,8 @@ const BLOCK_ALIGNMENT: usize = 256;
 type Fault = std::result::Result<(), String>;
 
 impl Pass {
-    /// Checks that the pass makes sense: extents, ranges inside their buffers, alignments, every
-    /// resource of every shader bound to something of its kind, every vertex that is read there.
+    /// Checks that the pass is valid: extents, ranges inside their buffers, alignments, a binding of the
+    /// right kind for every resource of every shader, every vertex that is read inside its buffer.
     ///
     /// Executors call it; there is no need to.
     ///
@@ -46,7 +46,7 @@ impl Pass {
             pipeline::check(pipeline).map_err(named(format!("pipeline `{}`", pipeline.label)))
         });
         let resources = checked.collect::<Result<Vec<_>>>()?;
-        let mut seen = Seen { ranges, sets: HashSet::new(), textures: HashSet::new() };
+        let mut verified = Verified { ranges, sets: HashSet::new(), textures: HashSet::new() };
         for (n, draw) in self.draws.iter().enumerate() {
             let Some(pipeline) = self.pipelines.get(draw.pipeline) else {
                 return Err(Error::Usage(format!(
@@ -55,7 +55,7 @@ impl Pass {
                     self.pipelines.len()
                 )));
             };
-            check_draw(draw, pipeline, &resources[draw.pipeline], &mut seen)
+            check_draw(draw, pipeline, &resources[draw.pipeline], &mut verified)
                 .map_err(named(format!("draw {n} (pipeline `{}`)", pipeline.label)))?;
         }
         Ok(())
@@ -79,10 +79,10 @@ impl Pass {
     }
 }
 
-/// What was found good before, so that thousands of draws that share it are checked quickly. A key holds
-/// everything that its verdict depends on. Addresses stand for what lies there: the pass does not change
-/// while it is checked.
-struct Seen<'r> {
+/// The sets and textures that were found valid before, so that thousands of draws that share them are checked
+/// quickly. A key holds everything that its verdict depends on. The address of an object stands for its
+/// content: the pass does not change while it is checked.
+struct Verified<'r> {
     ranges: &'r mut IndexRanges,
     /// Pipeline, number of the set, set: the set binds all that the pipeline's shaders declare under this
     /// number.
@@ -94,7 +94,7 @@ fn check_draw(
     draw: &Draw,
     pipeline: &Pipeline,
     resources: &[Resource],
-    seen: &mut Seen<'_>,
+    verified: &mut Verified<'_>,
 ) -> Fault {
     let push = pipeline
         .vertex
@@ -113,8 +113,8 @@ fn check_draw(
     {
         return Err(format!("the scissor {x},{y} {width}x{height} is too large"));
     }
-    check_sets(draw, resources, seen)?;
-    check_vertices(draw, pipeline, seen.ranges)
+    check_sets(draw, resources, verified)?;
+    check_vertices(draw, pipeline, verified.ranges)
 }
 
 fn check_viewport(v: &Viewport) -> Fault {
@@ -136,18 +136,18 @@ fn check_viewport(v: &Viewport) -> Fault {
 }
 
 /// Checks the sets of a draw against the resources of its pipeline, which are sorted by set.
-fn check_sets(draw: &Draw, resources: &[Resource], seen: &mut Seen<'_>) -> Fault {
+fn check_sets(draw: &Draw, resources: &[Resource], verified: &mut Verified<'_>) -> Fault {
     for of_set in resources.chunk_by(|a, b| a.set == b.set) {
         let number = of_set[0].set;
         let set = draw.sets.get(number as usize);
         let key = (draw.pipeline, number, set.map_or(std::ptr::null(), Arc::as_ptr));
-        if seen.sets.contains(&key) {
+        if verified.sets.contains(&key) {
             continue;
         }
         for resource in of_set {
-            check_resource(set, resource, seen)?;
+            check_resource(set, resource, verified)?;
         }
-        seen.sets.insert(key);
+        verified.sets.insert(key);
     }
     Ok(())
 }
@@ -155,7 +155,7 @@ fn check_sets(draw: &Draw, resources: &[Resource], seen: &mut Seen<'_>) -> Fault
 fn check_resource(
     set: Option<&Arc<BindingSet>>,
     resource: &Resource,
-    seen: &mut Seen<'_>,
+    verified: &mut Verified<'_>,
 ) -> Fault {
     let place = format!("set {} binding {}", resource.set, resource.binding);
     let entry = set.and_then(|s| s.entries.iter().find(|e| e.binding == resource.binding));
@@ -168,11 +168,11 @@ fn check_resource(
         return Err(format!("{place} has {wanted} elements; {bound} are bound"));
     }
     entry.resources.iter().try_for_each(|binding| {
-        check_binding(binding, resource, seen).map_err(|fault| format!("{place}: {fault}"))
+        check_binding(binding, resource, verified).map_err(|fault| format!("{place}: {fault}"))
     })
 }
 
-fn check_binding(binding: &Binding, resource: &Resource, seen: &mut Seen<'_>) -> Fault {
+fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified<'_>) -> Fault {
     let (kind, block, texture) = match binding {
         Binding::Uniform(range) => (ResourceKind::Uniform, Some(range), None),
         Binding::Storage(range) => (ResourceKind::Storage, Some(range), None),
@@ -198,7 +198,7 @@ fn check_binding(binding: &Binding, resource: &Resource, seen: &mut Seen<'_>) ->
         }
     }
     match texture {
-        Some(texture) if seen.textures.insert(Arc::as_ptr(texture)) => {
+        Some(texture) if verified.textures.insert(Arc::as_ptr(texture)) => {
             check_texture(texture).map_err(|fault| format!("texture `{}` {fault}", texture.label))
         }
         _ => Ok(()),

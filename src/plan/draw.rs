@@ -1,6 +1,6 @@
-//! One draw becomes pieces.
+//! Cuts one draw into pieces.
 
-use super::{Planner, Ways};
+use super::{PipelineInfo, Planner};
 use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
@@ -11,7 +11,7 @@ use std::ops::Range;
 
 impl Planner<'_> {
     /// Cuts `draw` into pieces of the open batch and of as many more as it takes.
-    pub(super) fn draw(&mut self, draw: &Draw, ways: Ways) -> Result<()> {
+    pub(super) fn draw(&mut self, draw: &Draw, info: PipelineInfo) -> Result<()> {
         let pipeline = self.pass.pipelines[draw.pipeline].clone();
         let per_instance = pipeline.topology.primitives(draw.count);
         let total = u64::from(per_instance) * u64::from(draw.instances);
@@ -24,18 +24,18 @@ impl Planner<'_> {
                 draw.instances
             ))
         })?;
-        let template = match self.template(draw, &pipeline, ways) {
+        let template = match self.template(draw, &pipeline, info) {
             Err(Error::Full(_)) if self.in_table > 0 && self.slots.is_full() => {
                 self.close();
                 self.slots.next_table()?;
                 (self.table, self.in_table) = (self.table + 1, 0);
-                self.template(draw, &pipeline, ways)?
+                self.template(draw, &pipeline, info)?
             }
             template => template?,
         };
         self.in_table += 1;
         let Some(template) = template else { return Ok(()) };
-        let shared = self.shared(draw, &pipeline, template, total, ways)?;
+        let shared = self.shared(draw, &pipeline, template, total, info)?;
         let most_words = match shared {
             Some(_) => self.limit.shared_varying_words(),
             None => u64::from(self.limit.varying_words),
@@ -44,9 +44,9 @@ impl Planner<'_> {
         while next < total {
             let limit = self.limit;
             if let Some((_, slots)) = shared.filter(|_| next > 0 && self.open.is_none()) {
-                self.keep(ways, slots);
+                self.keep(info, slots);
             }
-            let room = limit.primitives - self.batch(ways).primitives;
+            let room = limit.primitives - self.batch(info).primitives;
             let mut take = room.min(total - next);
             let (piece, slots) = loop {
                 let (piece, slots) = match shared {
@@ -56,8 +56,8 @@ impl Planner<'_> {
                     Some(whole) => whole,
                     None => self.piece(draw, &pipeline, template, next..next + take)?,
                 };
-                let words = u64::from(slots) * u64::from(ways.varying_stride);
-                let open = self.batch(ways);
+                let words = u64::from(slots) * u64::from(info.varying_stride);
+                let open = self.batch(info);
                 let fits = u64::from(open.vertices) + u64::from(slots) <= u64::from(limit.vertices)
                     && u64::from(open.varying_words) + words <= most_words;
                 if fits {
@@ -80,18 +80,18 @@ impl Planner<'_> {
                     });
                 }
             };
-            let open = self.batch(ways);
-            let kernel = open.fragment_kernels.iter().position(|&k| k == ways.fragment_kernel);
+            let open = self.batch(info);
+            let kernel = open.fragment_kernels.iter().position(|&k| k == info.fragment_kernel);
             let kernel = kernel.unwrap_or_else(|| {
-                open.fragment_kernels.push(ways.fragment_kernel);
+                open.fragment_kernels.push(info.fragment_kernel);
                 open.fragment_kernels.len() - 1
             });
             let piece =
                 Piece { first_primitive: open.primitives, fragment_kernel: kernel as u32, ..piece };
             open.primitives += take;
             open.vertices += slots.unwrap_or(0);
-            open.varying_words += slots.unwrap_or(0) * ways.varying_stride;
-            open.vertex_needs.push((ways.vertex_kernel, slots));
+            open.varying_words += slots.unwrap_or(0) * info.varying_stride;
+            open.vertex_needs.push((info.vertex_kernel, slots));
             self.plan.pieces.push(piece);
             next += take;
             if shared.is_some() && next < total {
@@ -101,23 +101,24 @@ impl Planner<'_> {
         Ok(())
     }
 
-    /// The piece and the vertex slots of all of a draw that needs several batches, if its vertices fit
-    /// one: they are then shaded in its first batch, which is begun for it, and stay in place for the
-    /// others. Indices of scanned meshes jump about, so that each batch would shade most vertices again.
+    /// The piece and the vertex slots of a whole draw, if the draw needs several batches and its vertices fit
+    /// one. Then a new batch is begun, which shades all vertices, and they stay in place for the following
+    /// batches. The indices of scanned meshes jump about, so that otherwise each batch would shade most of the
+    /// vertices again.
     fn shared(
         &mut self,
         draw: &Draw,
         pipeline: &Pipeline,
         template: Piece,
         total: u32,
-        ways: Ways,
+        info: PipelineInfo,
     ) -> Result<Option<(Piece, u32)>> {
         let limit = self.limit;
         if total <= limit.primitives {
             return Ok(None);
         }
         let (piece, slots) = self.piece(draw, pipeline, template, 0..total)?;
-        let words = u64::from(slots) * u64::from(ways.varying_stride);
+        let words = u64::from(slots) * u64::from(info.varying_stride);
         let fits = slots <= limit.vertices && words <= limit.shared_varying_words();
         if piece.vertex_mode != abi::VERTEX_RANGED || !fits {
             return Ok(None);
@@ -127,7 +128,12 @@ impl Planner<'_> {
     }
 
     /// What all pieces of a draw have in common; `None` if viewport and scissor leave no pixel.
-    fn template(&mut self, draw: &Draw, pipeline: &Pipeline, ways: Ways) -> Result<Option<Piece>> {
+    fn template(
+        &mut self,
+        draw: &Draw,
+        pipeline: &Pipeline,
+        info: PipelineInfo,
+    ) -> Result<Option<Piece>> {
         let extent = self.pass.extent;
         let (viewport, scissor) = (draw.viewport_in(extent), draw.scissor_in(extent));
         let (left, right) = pixel_span(viewport.x, viewport.width);
@@ -169,7 +175,7 @@ impl Planner<'_> {
             first_element,
             base_vertex: if draw.indices.is_some() { draw.base_vertex } else { 0 },
             first_instance: draw.first_instance,
-            varying_stride: ways.varying_stride,
+            varying_stride: info.varying_stride,
             attribute_base: self.attributes(draw, pipeline)?,
             vertex_resources: self.resources(&pipeline.vertex, draw)?,
             fragment_resources: self.resources(&pipeline.fragment, draw)?,

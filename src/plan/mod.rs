@@ -1,20 +1,20 @@
-//! From a pass to batches: pure arithmetic, no device.
+//! Plans the batches of a pass: pure arithmetic, no device.
 //!
 //! A pass is a list of draws in API order. The planner cuts it into *pieces*, runs of consecutive
 //! primitives of one draw, and gathers pieces into *batches*, each one sweep of all stages over the
-//! tiles. A batch ends where its buffers could overflow in the worst case ([`Capacities`]), where the
-//! resource table is full and another one begins, or where the way of drawing changes:
+//! bins. A batch ends where its buffers could overflow in the worst case ([`Capacities`]), where the
+//! resource table is full and another one begins, or where the method of drawing changes:
 //!
 //! * **opaque** work (a depth comparison towards or away from the viewer with write, no blending, no
 //!   discard, no depth export, no side effects) has a result that does not depend on its order and
 //!   goes through visibility;
 //! * everything else is **ordered**, one fragment shader at a time.
 //!
-//! Batches run in their order, none left out: a draw that needs several has its vertices shaded in the
-//! first of them, where they fit, and the others find them in place.
+//! All batches run, in their order. If a draw needs several batches and its vertices fit one, the first batch
+//! shades the vertices, and the other batches find them in place.
 //!
-//! Nothing in a batch needs a decision by the CPU. The number of batches depends on the pass alone,
-//! not on what is seen.
+//! Nothing in a batch needs a decision by the CPU. The number of batches depends on the pass alone, not on
+//! what is visible.
 
 mod draw;
 
@@ -33,22 +33,22 @@ use std::{collections::HashMap, sync::Arc};
 
 /// Where the executor put a resource: gives the planner slots of the resource table.
 pub trait Slots {
-    /// The slot of a whole buffer, for vertices and indices; of a long one that of its first 2^
-    /// [`abi::WINDOW_LOG2`] bytes, which the slots of the others follow.
+    /// The slot of a whole buffer, for vertices and indices. A buffer of more than 2^[`abi::WINDOW_LOG2`]
+    /// bytes has several consecutive slots, each for so many bytes; this is the first of them.
     fn buffer(&mut self, buffer: &Arc<Buffer>) -> Result<u32>;
     /// The first of consecutive slots of the elements of one shader variable, which `set` binds by the
-    /// entry `entry`; `block` is the bytes of the block that it is, if it is one.
+    /// entry `entry`. If the variable is a block, `block` is its size in bytes.
     fn bindings(&mut self, set: &Arc<BindingSet>, entry: &BindingEntry, block: u32) -> Result<u32>;
     /// The slot of a push-constant block.
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32>;
-    /// Whether the table has no slot left of some kind, so that it was what refused a draw.
+    /// Whether the table has no slot left of some kind, so that a full table was the reason to refuse a draw.
     fn is_full(&self) -> bool;
     /// Begins another table, which has all slots free.
     fn next_table(&mut self) -> Result<()>;
 }
 
-/// A shader with its specialization: one kernel to build. Equal shaders make equal keys, so that a shader
-/// that is wrapped anew is no new kernel.
+/// A shader with its specialization: one kernel to build. Equal shaders make equal keys, even if a caller
+/// makes the same shader twice.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct KernelKey {
     /// The shader.
@@ -57,7 +57,7 @@ pub struct KernelKey {
     pub specialization: Vec<(u32, u32)>,
     /// A vertex shader's attributes: location and format, as [`abi::SPEC_ATTRIBUTE`] has it.
     pub attributes: Vec<(u32, u32)>,
-    /// Of a vertex shader's output locations those that are read, a bit each, as [`abi::SPEC_READ`] has it.
+    /// A bit for each output location of a vertex shader that is read, as [`abi::SPEC_READ`] has it.
     pub read: u32,
 }
 
@@ -109,7 +109,7 @@ pub struct BatchPlan {
     pub vertex_work: Vec<VertexWork>,
     /// Indices into [`Plan::fragment_kernels`]; a piece's `fragment_kernel` counts in this list.
     pub fragment_kernels: Vec<usize>,
-    /// Which of the resource tables its slots are of.
+    /// The number of the resource table that its slots belong to.
     pub table: usize,
 }
 
@@ -157,14 +157,15 @@ impl Plan {
         let mut pipelines = vec![None; pass.pipelines.len()];
         for draw in &pass.draws {
             let pipeline = &pass.pipelines[draw.pipeline];
-            let ways = *pipelines[draw.pipeline].get_or_insert_with(|| planner.ways(pipeline));
-            planner.draw(draw, ways)?;
+            let info =
+                *pipelines[draw.pipeline].get_or_insert_with(|| planner.pipeline_info(pipeline));
+            planner.draw(draw, info)?;
         }
         planner.close();
         Ok(planner.plan)
     }
 
-    /// What the buffers of the largest batch need.
+    /// The capacities that the buffers of the largest batch need.
     pub fn capacities(&self) -> Capacities {
         let most =
             |of: fn(&BatchPlan) -> u32| self.batches.iter().map(of).max().unwrap_or(0).max(1);
@@ -176,9 +177,9 @@ impl Plan {
     }
 }
 
-/// What the planner derives from a pipeline once.
+/// The facts that the planner derives from a pipeline, once.
 #[derive(Clone, Copy)]
-struct Ways {
+struct PipelineInfo {
     method: Method,
     vertex_kernel: usize,
     fragment_kernel: usize,
@@ -186,7 +187,7 @@ struct Ways {
 }
 
 /// A batch that still takes pieces. Vertex slots are given out when it closes.
-struct Open {
+struct OpenBatch {
     method: Method,
     piece_first: u32,
     primitives: u32,
@@ -200,7 +201,7 @@ struct Open {
     fragment_kernels: Vec<usize>,
 }
 
-impl Open {
+impl OpenBatch {
     fn new(method: Method, piece_first: u32, kept: (u32, u32)) -> Self {
         Self {
             method,
@@ -222,7 +223,7 @@ struct Numbers {
     fragment: HashMap<KernelKey, usize>,
 }
 
-/// The number of `key` in `kernels`, where it is added if it is new.
+/// The number of `key` in `kernels`; a new key is added.
 fn number_of(
     kernels: &mut Vec<KernelKey>,
     numbers: &mut HashMap<KernelKey, usize>,
@@ -241,14 +242,14 @@ struct Planner<'a> {
     slots: &'a mut dyn Slots,
     plan: Plan,
     numbers: Numbers,
-    open: Option<Open>,
+    open: Option<OpenBatch>,
     /// The table that `slots` fills, and the draws that bind something there.
     table: usize,
     in_table: usize,
 }
 
 impl Planner<'_> {
-    fn ways(&mut self, pipeline: &Pipeline) -> Ways {
+    fn pipeline_info(&mut self, pipeline: &Pipeline) -> PipelineInfo {
         // Pipelines that differ in a constant of one stage share the kernel of the other.
         let own = |ids: &[u32]| {
             let all = pipeline.specialization.iter();
@@ -268,7 +269,7 @@ impl Planner<'_> {
             number_of(&mut plan.fragment_kernels, &mut numbers.fragment, fragment);
         let inputs = &pipeline.fragment.reflection.inputs;
         let locations = inputs.iter().map(|v| v.location + 1).max();
-        Ways {
+        PipelineInfo {
             method: method(pipeline, self.pass.depth.is_some(), fragment_kernel),
             vertex_kernel,
             fragment_kernel,
@@ -276,7 +277,7 @@ impl Planner<'_> {
         }
     }
 
-    /// Ends the open batch: gives its pieces their vertex slots, those of one kernel together.
+    /// Ends the open batch: gives its pieces their vertex slots. The pieces of one kernel come together.
     fn close(&mut self) {
         let Some(open) = self.open.take() else { return };
         let mut order: Vec<usize> = (0..open.vertex_needs.len()).collect();
@@ -319,25 +320,25 @@ impl Planner<'_> {
         });
     }
 
-    /// The open batch for `ways`, a new one if the open one is of another kind or full.
-    fn batch(&mut self, ways: Ways) -> &mut Open {
+    /// The open batch for `info`; a new one if the open one has another method or is full.
+    fn batch(&mut self, info: PipelineInfo) -> &mut OpenBatch {
         let fits = self.open.as_ref().is_some_and(|open| {
-            open.method == ways.method
+            open.method == info.method
                 && open.primitives < self.limit.primitives
-                && (open.fragment_kernels.contains(&ways.fragment_kernel)
+                && (open.fragment_kernels.contains(&info.fragment_kernel)
                     || open.fragment_kernels.len() < abi::MAX_FRAGMENT_KERNELS as usize)
         });
         if !fits {
             self.close();
         }
         let piece_first = self.plan.pieces.len() as u32;
-        self.open.get_or_insert_with(|| Open::new(ways.method, piece_first, (0, 0)))
+        self.open.get_or_insert_with(|| OpenBatch::new(info.method, piece_first, (0, 0)))
     }
 
     /// Opens a batch in which the first `slots` vertex slots of the one before stay in place.
-    fn keep(&mut self, ways: Ways, slots: u32) {
-        let kept = (slots, slots * ways.varying_stride);
-        self.open = Some(Open::new(ways.method, self.plan.pieces.len() as u32, kept));
+    fn keep(&mut self, info: PipelineInfo, slots: u32) {
+        let kept = (slots, slots * info.varying_stride);
+        self.open = Some(OpenBatch::new(info.method, self.plan.pieces.len() as u32, kept));
     }
 
     /// Slots of a shader's resources, the push-constant block last: where they start in the list.
@@ -413,7 +414,7 @@ fn method(pipeline: &Pipeline, has_depth: bool, kernel: usize) -> Method {
     Method::Ordered { kernel, depth: depth_mode(fragment) }
 }
 
-/// Whether all that a fragment shader does is to return a colour.
+/// Whether a fragment shader does nothing except return a colour.
 fn is_pure(fragment: &Reflection) -> bool {
     !fragment.discards && !fragment.writes_depth && !fragment.has_side_effects
 }

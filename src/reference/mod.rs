@@ -1,6 +1,6 @@
-//! A pass on the CPU: the truth about coverage, depth and primitive ids.
+//! Executes a pass on the CPU. The result defines the right coverage, depth and primitive ids.
 //!
-//! Takes the clip-space positions as given and computes everything after them, each stage in the
+//! It takes the clip-space positions as given and computes everything after them, each stage in the
 //! simplest way that could be right: 64-bit integers for edges, IEEE floats rounded after every
 //! operation. It knows the stages' contracts and the shared structs, and nothing of the kernels.
 
@@ -14,7 +14,7 @@ use crate::{
     trace::{BatchTrace, Trace},
 };
 
-/// What the reference needs of one batch.
+/// One batch, as the reference needs it.
 #[derive(Clone, Copy)]
 pub struct Input<'a> {
     /// The band.

@@ -30,7 +30,7 @@ const FAR: f64 = 64.0;
 const RADII: std::ops::RangeInclusive<f64> = 1.0 / 65536.0..=16_777_216.0;
 
 impl Anchor {
-    /// The anchor of what lies within `bounds`; the default one where single precision does without.
+    /// The anchor of a mesh within `bounds`; the default one if single precision needs none.
     ///
     /// The origin is a multiple of a power of two above the radius: positions that are single floats
     /// become differences that are, and neighbours mostly share an origin and so their roundings.
@@ -42,7 +42,7 @@ impl Anchor {
         let reach = center.abs().max_element();
         let mut anchor = Self::default();
         if reach > FAR * radius {
-            // Of a single point, any power of two that it does not drown in.
+            // A single point takes any power of two that does not swallow its digits.
             let step = power_of_two(if radius > 0.0 { radius } else { reach }) * 2.0;
             anchor.origin = (center / step).round() * step;
         }
@@ -53,7 +53,7 @@ impl Anchor {
         anchor
     }
 
-    /// What is stored for `position`.
+    /// The stored position that stands for `position`.
     pub fn store(&self, position: DVec3) -> Vec3 {
         ((position - self.origin) / self.unit).as_vec3()
     }
@@ -63,7 +63,7 @@ impl Anchor {
         self.origin + stored.as_dvec3() * self.unit
     }
 
-    /// As a matrix from what is stored.
+    /// The matrix from stored positions to the space.
     pub fn matrix(&self) -> DMat4 {
         DMat4::from_translation(self.origin) * DMat4::from_scale(DVec3::splat(self.unit))
     }

@@ -1,5 +1,5 @@
-//! Axis-aligned boxes and the view frustum: what culling and framing stand on. In double precision:
-//! scenes may be as small as a molecule, and as far from the origin as a map's are.
+//! Axis-aligned boxes and the view frustum, for culling and framing. They are in double precision: a scene may
+//! be as small as a molecule, or as far from the origin as a map.
 
 use glam::{DMat4, DVec3, DVec4};
 

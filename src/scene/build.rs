@@ -1,4 +1,4 @@
-//! From what loaders and built-in shapes describe to a [`Scene`] that makes passes.
+//! Makes a [`Scene`] of the parts, nodes and materials that loaders and built-in shapes describe.
 
 use super::{
     Scene,
@@ -255,7 +255,7 @@ impl Builder {
 
 /// Why a scene cannot be finished.
 pub(super) enum Fault {
-    /// The file asks for what cannot be: a sentence.
+    /// The file asks for something impossible: a sentence.
     Input(String),
     /// A fault of the engine's own.
     Engine(crate::Error),

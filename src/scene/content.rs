@@ -1,4 +1,4 @@
-//! What a file holds, told by its first bytes: names lie, and a download may be an error page.
+//! Finds the format of a file by its first bytes: a name may be wrong, and a download may be an error page.
 
 /// The format of a scene file's content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +47,7 @@ const MARKS: &[(&[u8], &str)] = &[
     (b"\0\0\xfe\xff", "text in UTF-32: save it as UTF-8"),
 ];
 
-/// Tells what `bytes` are.
+/// The format of `bytes`.
 pub(super) fn of(bytes: &[u8]) -> Content {
     let marked = |mark: &[u8]| bytes.starts_with(mark);
     if marked(b"glTF") {

@@ -1,4 +1,4 @@
-//! Reading what a scene file refers to, as files from other systems name it.
+//! Reads the files that a scene file refers to, by names that may come from other systems.
 
 use crate::{Error, Result};
 use std::{

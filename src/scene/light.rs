@@ -7,13 +7,13 @@ use glam::Vec3;
 pub struct Light {
     /// From the scene towards the key light.
     pub key_direction: Vec3,
-    /// What a white surface that faces the key light reflects of it.
+    /// The light that a white surface facing the key light reflects of it.
     pub key_color: Vec3,
-    /// What comes from above.
+    /// Light from above.
     pub sky: Vec3,
-    /// What comes from the horizon; seen in reflections.
+    /// Light from the horizon; seen in reflections.
     pub horizon: Vec3,
-    /// What comes from below.
+    /// Light from below.
     pub ground: Vec3,
     /// Where nothing is drawn.
     pub background: Vec3,

@@ -1,4 +1,4 @@
-//! Opening a scene by its path: which format it has, and what is asked of it.
+//! Opens a scene by its path: finds the format and takes the options.
 
 use super::{
     Scene,
@@ -9,7 +9,7 @@ use super::{
 use crate::Result;
 use std::path::Path;
 
-/// What loading can be asked for.
+/// The options of loading.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions {
     /// The moment of the file's animations in seconds; `None` is the rest pose.
@@ -17,12 +17,12 @@ pub struct LoadOptions {
 }
 
 impl Scene {
-    /// Loads a glTF 2.0 (`.gltf`, `.glb`) or Wavefront OBJ (`.obj`) file with what it refers to. The
-    /// content decides which of the two it is; the name does where the content is like neither.
+    /// Loads a glTF 2.0 (`.gltf`, `.glb`) or Wavefront OBJ (`.obj`) file with the files that it refers to. The
+    /// content decides which of the two it is; if the content looks like neither, the name decides.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) that names the file and the fault; [`Error::Shader`](crate::Error::Shader) if the engine's own
-    /// shaders do not compile.
+    /// [`Error::Input`](crate::Error::Input) that names the file and the fault;
+    /// [`Error::Shader`](crate::Error::Shader) if the engine's own shaders do not compile.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
         let bytes = files::read(path)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();

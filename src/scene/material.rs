@@ -7,7 +7,7 @@ use crate::{
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// What the alpha of the base colour means.
+/// The meaning of the base colour's alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) enum AlphaMode {
     /// Nothing.
@@ -138,7 +138,7 @@ const _: () = assert!(size_of::<Block>() <= BLOCK_ALIGN);
 const FLAG_UNLIT: u32 = 1 << 5;
 /// Alpha reaches the target; otherwise it is 1.
 const FLAG_ALPHA: u32 = 1 << 6;
-/// Specular colour and glossiness say what is reflected.
+/// Specular colour and glossiness describe the reflection.
 const FLAG_SPECULAR: u32 = 1 << 7;
 
 impl Block {

@@ -1,7 +1,7 @@
-//! Triangles while they are still being worked on: what loaders and built-in shapes produce.
+//! Triangles that are still being worked on. Loaders and built-in shapes produce them.
 //!
-//! A [`Mesh`] is on its way to a [`Part`](super::build::Part): missing normals and tangents are
-//! made here, so that shaders never have to guess.
+//! A [`Mesh`] becomes a [`Part`](super::build::Part) later. Missing normals and tangents are made here, so that
+//! shaders never have to guess.
 
 use super::{anchor::Anchor, bounds::Bounds, hash::BitMap};
 use crate::state::Topology;
@@ -99,7 +99,7 @@ impl Mesh {
     }
 
     /// Gives vertices whose normal has no direction one from their faces; if none has one, each triangle
-    /// its own. Of a `flipped` mesh the front of a triangle is the other side.
+    /// its own. In a `flipped` mesh the front of a triangle is the other side.
     pub fn mend_normals(&mut self, flipped: bool) {
         let lost: Vec<bool> = self.normals.iter().map(|n| !is_usable(n)).collect();
         let side = if flipped { -1.0 } else { 1.0 };

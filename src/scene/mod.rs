@@ -7,9 +7,9 @@
 //!
 //! The engine has no shading of its own: materials are an ordinary Vulkan shader pair,
 //! `glsl/scene/material.vert` and `material.frag`, metallic-roughness under one key light and a
-//! sky and ground. Loaders are strict about memory and lenient about taste: whatever would read
-//! outside a buffer or never end is an error with a sentence, whatever can be left out with the
-//! rest still right is a [warning](Scene::warnings).
+//! sky and ground. Loaders are strict about memory and lenient about the rest. Data that would make them read
+//! outside a buffer or never end is an error with a sentence. Data that can be left out while the rest is
+//! still right is a [warning](Scene::warnings).
 //!
 //! Code map: `gltf` and `obj` describe a file to `build`, which keeps geometry in `store`,
 //! materials by `material` and textures by `texture`; `place` turns the hierarchy into draws, in the
@@ -74,7 +74,7 @@ impl Scene {
         &self.name
     }
 
-    /// What was left out or replaced while loading, a sentence each.
+    /// A sentence for each thing that was left out or replaced while loading.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }

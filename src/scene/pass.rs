@@ -19,7 +19,7 @@ use crate::{
 use glam::{DMat4, DVec3};
 use std::sync::Arc;
 
-/// What a pass of a scene can be asked for beyond its size and camera.
+/// The options of a scene's pass, beyond its size and camera.
 #[derive(Clone, Copy, Debug)]
 pub struct PassOptions {
     /// Format of the colour target.

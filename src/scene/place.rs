@@ -55,7 +55,7 @@ impl Placer<'_, '_> {
             worlds.push(world);
             let first = items.len();
             self.node(node, &world, &mut items)?;
-            // What lies nowhere is never drawn, and does not push the rest out of view.
+            // An object without a finite place is never drawn, and does not push the rest out of view.
             for item in items[first..].iter_mut().filter(|item| !item.bounds.is_placed()) {
                 item.bounds = Bounds::EMPTY;
             }

@@ -1,9 +1,9 @@
 //! The shader pair of scenes: ordinary Vulkan GLSL, compiled before (see `prebuilt`).
 //!
 //! Two fragment modules from one source: with `discard` for MASK, and without it for everything
-//! else, because a shader that may discard costs every triangle it draws its early depth test.
-//! All else that varies between materials is a flag in the material's block: a specialization
-//! constant would be another pipeline to compile for a branch that every quad takes alike.
+//! else, because a shader that may discard loses the early depth test for every triangle that it draws. All
+//! other differences between materials are flags in the material's block: a specialization constant would
+//! need another pipeline to compile, only to save a branch that all lanes of a quad take alike.
 
 use super::{
     camera::{Camera, Projection},

@@ -14,7 +14,7 @@ const MAX_SIZE: u32 = 16384;
 /// A decoder may not allocate more than this (a 16384 x 16384 picture of 4 bytes).
 const MAX_ALLOC: u64 = 1 << 30;
 
-/// What the numbers of a picture mean.
+/// The meaning of a picture's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
     /// Colours as the eye sees them: averaged as light.

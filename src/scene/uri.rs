@@ -11,7 +11,7 @@ type Outcome<T> = std::result::Result<T, String>;
 /// Characters of a file's own words that a message repeats.
 const SHORT: usize = 60;
 
-/// `text` for a message: whoever made the file chose its length.
+/// `text`, shortened for a message: it comes from a file and may have any length.
 pub(super) fn short(text: &str) -> String {
     match text.char_indices().nth(SHORT) {
         Some((end, _)) => format!("{}…", &text[..end]),
@@ -65,7 +65,7 @@ fn os_string(bytes: Vec<u8>) -> OsString {
     }
 }
 
-/// Undoes `%20` and the like; what is no valid escape stays.
+/// Decodes `%20` and the like; invalid escapes stay.
 fn percent_decode(text: &str) -> Vec<u8> {
     let bytes = text.as_bytes();
     let digit = |at: usize| bytes.get(at).and_then(|b| (*b as char).to_digit(16));

@@ -11,7 +11,7 @@ use rspirv::spirv::{Decoration, Op, Word};
 struct At {
     byte: u32,
     ty: Word,
-    /// Of a matrix, or an array of them: bytes between columns, or rows if it is row-major.
+    /// A matrix or an array of matrices: bytes between columns, or between rows if it is row-major.
     matrix: Option<(u32, bool)>,
     /// Bytes between the components of a vector, where its matrix decides them.
     step: Option<u32>,
@@ -78,7 +78,7 @@ impl At {
             let end = self.byte.checked_add(bytes_of_scalar(index, self.ty)?);
             return end.ok_or_else(|| "a block of more than 2^32 bytes".into());
         };
-        // Of equal parts the last one ends last, row-major columns among them.
+        // If the parts are equal, the last one ends last; this holds for row-major columns too.
         let first = match index.op(self.ty)? {
             Op::TypeStruct => 0,
             _ => count.saturating_sub(1),

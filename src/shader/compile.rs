@@ -1,12 +1,11 @@
 //! GLSL to SPIR-V, through whichever compiler the crate was built with: the system's libshaderc
 //! (`system`) or the bundled glslang (`bundled`), which goes first where both are there.
 //!
-//! The source is compiled as it stands: nothing is inserted, so messages name the user's own lines
-//! and the module is the one that any other Vulkan program would make of it. What a compute kernel
-//! cannot express (`discard`, implicit derivatives) is lowered later, in SPIR-V, where modules that
-//! were handed in as SPIR-V get the same treatment. (Rejected: `#define discard demote` in front of
-//! the source. It needs another extension and `#line`, changes what the device's own pipeline runs,
-//! and does nothing for SPIR-V.)
+//! The source is compiled as it stands: nothing is inserted, so messages name the user's own lines, and any
+//! other Vulkan program would get the same module. Constructs that a compute kernel cannot express (`discard`,
+//! implicit derivatives) are lowered later, in SPIR-V; so modules that were handed in as SPIR-V get the same
+//! treatment. (Rejected: `#define discard demote` in front of the source. It needs another extension and
+//! `#line`, changes the shader that the device's own pipeline runs, and does nothing for SPIR-V.)
 //!
 //! The compilers may be used from any thread. The first call of a process builds the tables of built-in
 //! functions, a tenth of a second and more, later ones take milliseconds.
@@ -19,7 +18,7 @@ use super::bundled as compiler;
 #[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
 use super::system as compiler;
 
-/// Where there is no compiler.
+/// Stands in for the compiler in a build without one.
 #[cfg(not(any(feature = "glsl", feature = "glsl-bundled")))]
 mod compiler {
     pub type Find<'a> = dyn Fn(&str, &str, usize) -> Option<(String, String)> + 'a;

@@ -1,8 +1,8 @@
 //! How far a folder of shaders gets: compiled, spliced, made into kernels.
 //!
 //! Every shader (see [`Shader::from_file`]) is compiled, spliced into each of the engine's own kernels of its stage,
-//! and the result is checked (see `splice/verify.rs`). Making pipelines of it is the caller's part,
-//! who has the device: a function that gets each shader which came that far.
+//! and the result is checked (see `splice/verify.rs`). The caller, who has the device, makes the kernels: it
+//! passes a function that gets each shader whose splicing succeeded.
 
 use super::{
     FileOptions, Shader, Stage, file,
@@ -47,7 +47,7 @@ pub struct Refusal {
     pub reason: String,
 }
 
-/// What became of a folder.
+/// The result for a folder.
 #[derive(Clone, Debug, Default)]
 pub struct Conformance {
     /// Shaders found.

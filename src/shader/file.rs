@@ -1,11 +1,11 @@
-//! Shaders from files: which stage a file is for, and what it is written in.
+//! Shaders from files: finds the stage and the language of a file.
 
 use super::{Shader, Stage, compile, include};
 use crate::{Error, Result};
 use rspirv::spirv::{ExecutionModel, MAGIC_NUMBER, Op};
 use std::path::{Path, PathBuf};
 
-/// What a shader's file does not say.
+/// Properties of a shader that its file does not state.
 #[derive(Clone, Debug, Default)]
 pub struct FileOptions {
     /// The stage. Without it, a `#pragma shader_stage(…)` or the file's name says it, or the entry
@@ -15,7 +15,7 @@ pub struct FileOptions {
     pub include: Vec<PathBuf>,
 }
 
-/// What a file's name tells.
+/// The language and the stage, as a file's name tells them.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Language {
     Glsl,
@@ -124,7 +124,7 @@ pub(super) fn load(root: &Path, path: &Path, options: &FileOptions) -> Result<Sh
         }
         _ => {
             let source = String::from_utf8_lossy(&bytes);
-            // Who gives a stage knows better than a pragma; a pragma, better than the name.
+            // A stage that the caller gives overrides a pragma, and a pragma overrides the name.
             let stage = options.stage.or_else(|| by_pragma(&source)).or(of_name);
             let stage = stage.ok_or_else(no_stage)?;
             let finder = include::Finder::new(path, &options.include);

@@ -24,7 +24,7 @@ pub(super) fn allowed(source: &str) -> Cow<'_, str> {
 /// Deeper nesting is taken for a file that includes itself.
 const DEPTH: usize = 32;
 
-/// Finds what is included: beside the file that includes it, beside the shader, in further folders.
+/// Finds included files: beside the file that includes them, beside the shader, in further folders.
 /// Without a folder it finds nothing.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Finder {

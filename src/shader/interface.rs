@@ -1,10 +1,10 @@
 //! `in` and `out` variables, flattened to locations.
 //!
-//! A varying may be a matrix, an array, a struct or a block of all of these; what crosses between
-//! stages is up to four 32-bit components at a location. A [`Leaf`] is one such piece and the way
-//! to it inside its variable. The rules of counting are those of Vulkan: a matrix takes a location
-//! per column, an array one after the other, members of a block follow on unless they say
-//! otherwise.
+//! A varying may be a matrix, an array, a struct or a block of all of these. Between the stages there are
+//! locations, each with up to four 32-bit components. A [`Leaf`] is the part of a variable that lies at one
+//! location, with the path to it inside the variable. Locations are counted by Vulkan's rules: a matrix takes
+//! one location per column, the elements of an array take locations one after the other, and a member of a
+//! block follows the member before it unless it names its own location.
 
 use super::{
     Interpolation, Scalar, Varying,
@@ -22,7 +22,7 @@ pub(super) struct Leaf {
     pub path: Vec<u32>,
     /// Type of the leaf: a scalar or a vector.
     pub ty: Word,
-    /// What it is to the other stage.
+    /// The varying, as the other stage sees it.
     pub varying: Varying,
 }
 

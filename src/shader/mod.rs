@@ -56,16 +56,16 @@ pub enum Stage {
 
 /// A vertex or fragment shader: valid SPIR-V with entry point `main`, and what reflection found in it.
 ///
-/// It stays as it was made: drivers take for granted that a module is valid. It asks for nothing that a pass
-/// cannot give: textures of two dimensions with float texels, samplers that do not compare, blocks,
-/// triangles. Two shaders are equal if they are the same stage of the same module, whatever their labels are.
+/// It cannot be changed, because drivers rely on valid modules. It uses only what a pass can provide:
+/// textures of two dimensions with float texels, samplers that do not compare, blocks, triangles. Two shaders
+/// are equal if they are the same stage of the same module, whatever their labels are.
 #[derive(Clone, Debug)]
 pub struct Shader {
     pub(crate) label: String,
     pub(crate) stage: Stage,
     pub(crate) spirv: Vec<u32>,
     pub(crate) reflection: Reflection,
-    /// Why no pass can draw with it, if so: then it is of no use but for splicing.
+    /// Why no pass can draw with it; `None` if one can. A shader with a reason can only be spliced.
     pub(crate) refusal: Option<String>,
     /// Of the words. Equal hashes do not make shaders equal: the words are compared.
     pub(crate) hash: u64,
@@ -102,7 +102,7 @@ pub enum ResourceKind {
     StorageImage,
 }
 
-/// What one texel or one component is to a shader.
+/// The type of a texel or of a component, as a shader sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Scalar {
     /// A 32-bit float.
@@ -128,7 +128,7 @@ pub enum Dimension {
     Other,
 }
 
-/// What kind of image a shader declares.
+/// The kind of an image that a shader declares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ImageShape {
     /// Dimensionality.
@@ -139,7 +139,7 @@ pub struct ImageShape {
     pub multisampled: bool,
     /// `sampler2DShadow` and relatives. SPIR-V may leave it open; then this is `false`.
     pub shadow: bool,
-    /// What a read returns.
+    /// The type that a read returns.
     pub texel: Scalar,
 }
 
@@ -150,17 +150,17 @@ pub struct Resource {
     pub set: u32,
     /// `layout(binding = …)`.
     pub binding: u32,
-    /// What it is.
+    /// Its kind.
     pub kind: ResourceKind,
     /// Elements of the array (of all its dimensions), 1 if it is none, 0 if it is a run-time array.
     pub count: u32,
     /// Blocks: the bytes that a binding must have at least; 0 otherwise.
     pub bytes: u32,
-    /// Images: what the shader takes them for.
+    /// Images: the kind that the shader declares.
     pub image: Option<ImageShape>,
 }
 
-/// How a fragment input comes from the vertices of its triangle.
+/// How a fragment input is interpolated from the vertices of its triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Interpolation {
     /// Perspective-correct.
@@ -171,7 +171,7 @@ pub enum Interpolation {
     Flat,
 }
 
-/// What an `in` or `out` variable has at one location.
+/// The part of an `in` or `out` variable at one location.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Varying {
     /// The location.
@@ -186,7 +186,7 @@ pub struct Varying {
     pub interpolation: Interpolation,
 }
 
-/// What a shader binds, reads and writes.
+/// The resources, inputs and outputs of a shader.
 #[derive(Clone, Debug, Default)]
 pub struct Reflection {
     /// Resources the entry point uses, each set and binding once, sorted.
@@ -235,7 +235,7 @@ impl Shader {
         Self::from_file_with(root, path, &FileOptions::default())
     }
 
-    /// As [`Shader::from_file`], with what the file does not say: its stage, folders of included files.
+    /// As [`Shader::from_file`], with properties that the file does not state: its stage, folders of included files.
     ///
     /// # Errors
     /// As [`Shader::from_file`].
@@ -243,7 +243,7 @@ impl Shader {
         Self::load(root, path, options)?.drawable()
     }
 
-    /// As [`Shader::from_file_with`], also of what no pass can draw with.
+    /// As [`Shader::from_file_with`], also for shaders that no pass can draw with.
     pub(crate) fn load(root: &Path, path: &Path, options: &FileOptions) -> Result<Shader> {
         file::load(root, path, options)
     }
@@ -278,14 +278,14 @@ impl Shader {
         Self::reflected(stage, label, words)?.drawable()
     }
 
-    /// As [`Shader::from_spirv`], also of what no pass can draw with.
+    /// As [`Shader::from_spirv`], also for shaders that no pass can draw with.
     pub(crate) fn validated(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
         let shader = Self::reflected(stage, label, words)?;
         validate::validate(words).map_err(|reason| Error::shader(label, reason))?;
         Ok(shader)
     }
 
-    /// As [`Shader::own`], also of what no pass can draw with.
+    /// As [`Shader::own`], also for shaders that no pass can draw with.
     pub(crate) fn reflected(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
         let (reflection, refusal) = module::parse(words)
             .and_then(|module| reflect::reflect(&module, stage))
@@ -319,7 +319,7 @@ impl Shader {
         &self.spirv
     }
 
-    /// What it binds, reads and writes.
+    /// Its resources, inputs and outputs.
     pub fn reflection(&self) -> &Reflection {
         &self.reflection
     }

@@ -1,8 +1,8 @@
-//! SPIR-V modules as data: reading them, and finding one's way in them.
+//! SPIR-V modules as data: reads them and looks things up in them.
 //!
-//! Words become `rspirv`'s data representation. What has no bearing on the result is dropped while
+//! Words become `rspirv`'s data representation. Instructions that do not affect the result are dropped while
 //! reading: source text, line numbers, and the `NonSemantic` instruction sets (debug information,
-//! `debugPrintfEXT`), which by their definition may be.
+//! `debugPrintfEXT`), whose definition allows dropping them.
 //!
 //! A module comes from anywhere, so nothing here trusts it: an id that is not defined is a refusal,
 //! not a panic. Refusals inside `shader` are sentences without the shader's name, which the public
@@ -15,7 +15,7 @@ use rspirv::{
 };
 use std::collections::HashSet;
 
-/// A refusal without the shader's name, or what was asked for.
+/// A result, or a refusal without the shader's name.
 pub(super) type Outcome<T> = Result<T, String>;
 
 /// The largest id that SPIR-V's universal limits promise to be accepted.
@@ -44,7 +44,7 @@ pub(super) fn parse(words: &[u32]) -> Outcome<dr::Module> {
     Ok(module)
 }
 
-/// Checks that ids are defined once and that declarations follow what they mention (but for pointers
+/// Checks that ids are defined once and that declarations follow the ones that they refer to (except for pointers
 /// announced by `OpTypeForwardPointer`), so that walks through types end.
 fn check_order(module: &dr::Module) -> Outcome<()> {
     let mut defined = HashSet::new();

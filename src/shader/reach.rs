@@ -1,11 +1,11 @@
-//! What a shader may declare that no pass can give it: the sentence that refuses it when it is made.
+//! Refuses shaders that declare something which no pass can provide.
 //!
 //! A pass binds blocks, two-dimensional textures of floats, and samplers that do not compare. It draws
 //! triangles, and nothing in it has an address. A shader that asks for more is a valid module, and could be
-//! spliced; but what it asks for would be undefined, and drivers crash on some of it.
+//! spliced; but the things that it asks for would be undefined, and drivers crash on some of them.
 //!
-//! What is not here is right as Vulkan has it. Outputs at locations without a target vanish. A vertex
-//! shader's `gl_PointSize` is for points, and says nothing to triangles.
+//! Everything else behaves as in Vulkan. Outputs at locations without a target vanish. A vertex shader's
+//! `gl_PointSize` is for points and has no effect on triangles.
 
 use super::{
     Stage,
@@ -49,7 +49,7 @@ pub(super) fn refusal(index: &Index, usage: &Usage, stage: Stage) -> Outcome<Opt
     }))
 }
 
-/// The sentence for an image that no texture of a pass is.
+/// The sentence that refuses an image which no texture of a pass can be.
 fn resource(index: &Index, id: Word, ty: Word) -> Outcome<Option<String>> {
     let mut element = ty;
     while matches!(index.op(element)?, Op::TypeArray | Op::TypeRuntimeArray) {

@@ -1,4 +1,4 @@
-//! What a shader binds, reads and writes, read from its SPIR-V.
+//! Finds the resources, inputs and outputs of a shader in its SPIR-V.
 
 use super::{
     Reflection, Stage, block,

@@ -1,8 +1,8 @@
 //! Resources: blocks, images and samplers that a shader binds.
 //!
-//! One `(set, binding)` is one resource. Several variables may share it, each seeing it in its own
-//! way; an image and a sampler that do are the two halves of a combined image sampler, which is what
-//! HLSL compilers make of a texture with its sampler.
+//! One `(set, binding)` is one resource. Several variables may share it, and each may declare it in its own
+//! way. If an image and a sampler share it, they are the two halves of a combined image sampler; HLSL
+//! compilers make such a pair of a texture with its sampler.
 
 use super::{
     Dimension, ImageShape, Resource, ResourceKind, Scalar, block, interface,
@@ -14,7 +14,7 @@ use rspirv::{
     spirv::{Decoration, Dim, Op, StorageClass, Word},
 };
 
-/// What a shader binds.
+/// The resources of a shader.
 #[derive(Default)]
 pub(super) struct Bound {
     /// By set and binding, each place once: the order in which kernels number them.

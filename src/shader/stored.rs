@@ -2,9 +2,9 @@
 //! its first call in a process takes 0.2 seconds, later ones 1 to 6 milliseconds; reading a result
 //! takes 0.1 to 0.4.
 //!
-//! A file holds what the result depends on and the result. What it depends on is compared in full,
+//! A file holds the result and everything that the result depends on. The latter is compared in full,
 //! so two sources can never be taken for each other. Sources that include others are compiled every
-//! time: what they depend on is not in them.
+//! time: the text of the included files is not part of the key.
 
 use super::Stage;
 use crate::cache;

@@ -1,7 +1,7 @@
 //! What an entry point reaches: functions, and the module-level ids they mention.
 //!
 //! Compilers leave declarations behind that nothing uses, and a module may have several entry
-//! points. Only what is reached counts: for reflection, for refusals and for splicing.
+//! points. Only code that the entry point reaches counts: for reflection, for refusals and for splicing.
 
 use super::{
     Stage,
@@ -12,7 +12,7 @@ use rspirv::{
     spirv::{ExecutionModel, Op, Word},
 };
 
-/// What the entry point of a stage reaches.
+/// The functions and variables that the entry point of a stage reaches.
 pub(super) struct Usage<'m> {
     /// The entry point's function.
     pub entry: Word,

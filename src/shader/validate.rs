@@ -1,6 +1,6 @@
 //! Whether a module is valid SPIR-V for Vulkan 1.3, by SPIRV-Tools' validator.
 //!
-//! Drivers take validity for granted, and crash on what is not. The validator is the program `spirv-val`:
+//! Drivers rely on valid modules and crash on others. The validator is the program `spirv-val`:
 //! a process of its own, because a module from anywhere may be the one that the validator itself stumbles
 //! over. It takes about 5 ms; a driver takes ten times as long to compile the module.
 
@@ -43,7 +43,7 @@ pub(super) fn validate(words: &[u32]) -> Outcome<()> {
     if valid { Ok(()) } else { Err(sentence(&said)) }
 }
 
-/// Whether the validator is content, and what it said.
+/// Whether the validator accepts the module, and its message.
 fn wait(child: &mut Child) -> Outcome<(bool, String)> {
     let begin = Instant::now();
     loop {

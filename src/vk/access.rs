@@ -1,4 +1,4 @@
-//! When the host may touch what the device uses, and what becomes of it when the device fails.
+//! Turns of host and device: when the host may touch memory that the device uses, also after the device failed.
 //!
 //! Handles are shared: a clone of a buffer may be written by one thread while another one runs a recording
 //! that reads it. So host and device take turns, one lock for each device. A run holds the device's turn
@@ -24,8 +24,8 @@ impl Shared {
         self.turn.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The turn of the host. There is none any more once the device is lost: it may still be at work on
-    /// what it was given.
+    /// The turn of the host. Once the device is lost, the host gets no turn any more: the device may still be
+    /// at work on its last submission.
     ///
     /// # Errors
     /// [`Error::Lost`].
@@ -34,7 +34,7 @@ impl Shared {
         if self.is_lost() { Err(self.lost_before()) } else { Ok(turn) }
     }
 
-    /// The error of whoever comes after the device was lost.
+    /// The error of any use after the device was lost.
     pub fn lost_before(&self) -> Error {
         Error::Lost(format!("{} was lost before", self.info.name))
     }
@@ -52,8 +52,8 @@ impl Shared {
     }
 }
 
-/// Whether a submission may be in flight still though waiting for it ended with `waited`. A lost device is at
-/// work on nothing: to tell what is in use, Vulkan counts its loss as success (section "Lost Device").
+/// Whether a submission may still be in flight although waiting for it ended with `waited`. A lost device works
+/// on nothing: to decide whether resources are in use, Vulkan treats the loss as success (section "Lost Device").
 pub(super) fn may_be_in_flight(waited: std::result::Result<(), vk::Result>) -> bool {
     !matches!(waited, Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST))
 }

@@ -1,16 +1,16 @@
 //! Storage blocks of a kernel by address instead of by descriptor.
 //!
-//! A kernel names its blocks as any shader does. For drivers that reach memory behind an address better
-//! than storage blocks, this pass rewrites those of set 0 whose parts are loaded, stored and changed by
-//! atomics only: their addresses come in one uniform block, and what was a chain from a variable becomes
-//! a chain from a pointer. The engine's own view of the resource table, an array of read-only blocks of
-//! words, becomes an array of addresses in the same way. Blocks whose length is asked for, and what
-//! users' shaders see of the table, stay as they are.
+//! A kernel declares its blocks as any shader does. Some drivers access memory by address faster than storage
+//! blocks. For these drivers, this module rewrites the blocks of set 0 that are only loaded, stored and
+//! changed by atomics: a uniform block holds their addresses, and an access chain that began at a variable
+//! begins at a pointer. The engine's own view of the resource table is an array of read-only blocks of words;
+//! it becomes an array of addresses in the same way. A block whose length the kernel asks for stays as it is,
+//! and so does the users' shaders' view of the table.
 //!
-//! Lavapipe is such a driver. It reads a storage block lane by lane, each with its own descriptor, check
-//! of bounds and branches: for eight lanes about 90 instructions in 24 basic blocks, which is both the
-//! time that kernels take and the time that it takes to compile them. What lies behind an address, it
-//! reads with one gather, and two words at once with one as well (`pairs.rs`).
+//! Lavapipe is such a driver. It reads a storage block lane by lane, and each lane has its own descriptor,
+//! check of bounds and branches. For eight lanes these are about 90 instructions in 24 basic blocks, which
+//! make kernels slow to run and slow to compile. It reads memory by address with one gather, also two words
+//! at once (`pairs.rs`).
 
 mod pairs;
 
@@ -24,7 +24,7 @@ use rspirv::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// A kernel of which blocks were replaced by addresses.
+/// A kernel whose blocks were replaced by addresses.
 pub(super) struct Addressed {
     /// The new module.
     pub spirv: Vec<u32>,
@@ -49,33 +49,33 @@ struct Block {
     pointer: Word,
     /// Number in the block of addresses.
     member: Word,
-    /// Of the table: pointer to its addresses, and to one of them.
+    /// The table only: the types of a pointer to all its addresses and of a pointer to one of them.
     table: Option<(Word, Word)>,
 }
 
 /// Bytes of an address.
 const ADDRESS_BYTES: u32 = 8;
 
-/// Replaces the blocks of a kernel that can be; nothing if it has none. `has_int64` says whether the device
-/// has 64-bit integers.
+/// Replaces all blocks of a kernel that can be replaced; returns `None` if there are none. `has_int64` says
+/// whether the device has 64-bit integers.
 pub(super) fn lower(
     words: &[u32],
     has_int64: bool,
 ) -> std::result::Result<Option<Addressed>, String> {
     let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
-    let mut pass = Pass::new(module, has_int64);
-    let mut blocks = pass.blocks();
+    let mut rewriter = Rewriter::new(module, has_int64);
+    let mut blocks = rewriter.blocks();
     if blocks.is_empty() {
         return Ok(None);
     }
-    let bindings = pass.decorations(Decoration::Binding);
+    let bindings = rewriter.decorations(Decoration::Binding);
     let binding = bindings.values().max().map_or(0, |most| most + 1);
-    let addresses = pass.declare(&mut blocks, binding);
-    pass.rewrite(&blocks, addresses);
-    pass.remove(&blocks);
-    let sets = pass.decorations(Decoration::DescriptorSet);
+    let addresses = rewriter.declare(&mut blocks, binding);
+    rewriter.rewrite(&blocks, addresses);
+    rewriter.remove(&blocks);
+    let sets = rewriter.decorations(Decoration::DescriptorSet);
     Ok(Some(Addressed {
-        spirv: pass.module.assemble(),
+        spirv: rewriter.module.assemble(),
         binding,
         blocks: blocks.iter().filter_map(|block| block.binding).collect(),
         table: blocks.iter().any(|block| block.binding.is_none()),
@@ -83,7 +83,8 @@ pub(super) fn lower(
     }))
 }
 
-struct Pass {
+/// Rewrites one module.
+struct Rewriter {
     module: dr::Module,
     /// Types, constants and variables by id.
     globals: HashMap<Word, Instruction>,
@@ -91,17 +92,17 @@ struct Pass {
     uint: Word,
     constants: HashMap<u32, Word>,
     has_int64: bool,
-    /// By their number: pointer to pairs of words, and the type of these.
+    /// By the number of pairs: the type of a pointer to pairs of words, and the type of the pairs.
     pair_types: HashMap<u32, (Word, Word)>,
 }
 
-impl Pass {
+impl Rewriter {
     fn new(module: dr::Module, has_int64: bool) -> Self {
         let globals: HashMap<Word, Instruction> = (module.types_global_values.iter())
             .filter_map(|i| Some((i.result_id?, i.clone())))
             .collect();
         let next = module.all_inst_iter().filter_map(|i| i.result_id).max().unwrap_or(0) + 1;
-        let mut pass = Self {
+        let mut rewriter = Self {
             module,
             globals,
             next,
@@ -111,13 +112,15 @@ impl Pass {
             pair_types: HashMap::new(),
         };
         let operands = [Operand::LiteralBit32(32), Operand::LiteralBit32(0)];
-        let uint =
-            pass.globals.values().find(|i| i.class.opcode == Op::TypeInt && i.operands == operands);
-        pass.uint = match uint.and_then(|i| i.result_id) {
+        let uint = rewriter
+            .globals
+            .values()
+            .find(|i| i.class.opcode == Op::TypeInt && i.operands == operands);
+        rewriter.uint = match uint.and_then(|i| i.result_id) {
             Some(uint) => uint,
-            None => pass.global(Op::TypeInt, None, operands.to_vec()),
+            None => rewriter.global(Op::TypeInt, None, operands.to_vec()),
         };
-        pass
+        rewriter
     }
 
     fn id(&mut self) -> Word {
@@ -334,7 +337,7 @@ impl Pass {
     /// Makes chains begin at addresses, and loads say how they are aligned.
     fn rewrite(&mut self, blocks: &[Block], addresses: Word) {
         let blocks: HashMap<Word, &Block> = blocks.iter().map(|b| (b.variable, b)).collect();
-        // Pointer types by what they point to, and what chains result in.
+        // Pointer types by their pointees, and the types that chains result in.
         let mut pointers: HashMap<Word, Word> = HashMap::new();
         let mut uniform: HashMap<Word, Word> = HashMap::new();
         let mut chains: HashMap<Word, Place> = HashMap::new();
@@ -358,7 +361,7 @@ impl Pass {
                         let slot = block.table.map(|_| i.operands.remove(1));
                         let address = self.address(block, addresses, slot, &mut uniform, &mut code);
                         i.operands[0] = Operand::IdRef(address);
-                        Pass::block_start(block.ty, block.table.is_some())
+                        Rewriter::block_start(block.ty, block.table.is_some())
                     } else {
                         chains[&base]
                     };
@@ -395,8 +398,8 @@ impl Pass {
         uniform: &mut HashMap<Word, Word>,
         code: &mut Vec<Instruction>,
     ) -> Word {
-        let mut emit = |pass: &mut Self, op, ty, operands| {
-            let id = pass.id();
+        let mut emit = |rewriter: &mut Self, op, ty, operands| {
+            let id = rewriter.id();
             code.push(Instruction::new(op, Some(ty), Some(id), operands));
             id
         };

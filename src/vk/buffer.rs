@@ -180,8 +180,8 @@ impl<T: Pod> Buffer<T> {
         Ok(content)
     }
 
-    /// Appends the content, as [`Buffer::read`] returns it. Memory that is new to the process takes longer
-    /// to come by than to fill: what is read in parts is best read into room for all of them.
+    /// Appends the content, as [`Buffer::read`] returns it. Allocating new memory takes longer than filling it:
+    /// a caller that reads several parts should reserve room for all of them first.
     ///
     /// # Errors
     /// As [`Buffer::read`].

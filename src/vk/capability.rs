@@ -1,14 +1,14 @@
 //! SPIR-V capabilities that a device may lack.
 //!
 //! Drivers take a module with a capability that they do not have and then do anything, so the check
-//! is ours. It lists what users' shaders are known to ask for and some device is known to lack;
+//! is ours. It lists capabilities that users' shaders are known to use and some device is known to lack;
 //! capabilities beyond the list are left to the driver and the validation layer.
 
 use super::requirements::Probe;
 use ash::vk::{SubgroupFeatureFlags, TRUE};
 use rspirv::spirv::{Capability, Op};
 
-/// Whether the device offers what a capability needs.
+/// Whether the device offers the feature that a capability needs.
 type Offers = fn(&Probe) -> bool;
 
 /// A capability, what Vulkan calls the feature, and whether a device offers it.
@@ -83,7 +83,7 @@ fn subgroups(probe: &Probe, operations: SubgroupFeatureFlags) -> bool {
     probe.vulkan11.subgroup_supported_operations.contains(operations)
 }
 
-/// What the device lacks of the list.
+/// The capabilities of the list that the device lacks.
 pub(super) fn lacking(probe: &Probe) -> Vec<(Capability, &'static str)> {
     let lacks = |(c, name, offers): &(Capability, &'static str, Offers)| {
         (!offers(probe)).then_some((*c, *name))

@@ -1,4 +1,4 @@
-//! What is there, what is missing, and the exact fix: the data behind `tilewright doctor`.
+//! The state of Vulkan on this machine, its faults and their exact fixes: the data behind `tilewright doctor`.
 
 use super::{
     device::{self, DeviceInfo},
@@ -21,7 +21,7 @@ pub struct Doctor {
     pub environment: Vec<(String, String)>,
     /// Devices of all drivers.
     pub devices: Vec<DeviceInfo>,
-    /// What is wrong, the worst first; empty if all is well.
+    /// The faults, the worst first; empty if there are none.
     pub findings: Vec<Finding>,
 }
 
@@ -39,7 +39,7 @@ pub enum Severity {
 pub struct Finding {
     /// How bad it is.
     pub severity: Severity,
-    /// What is wrong, as a sentence.
+    /// The fault, as a sentence.
     pub problem: String,
     /// What to do, where it is known: usually a command.
     pub fix: String,
@@ -62,7 +62,7 @@ const VARIABLES: [&str; 8] = [
     device::DEVICE_VARIABLE,
 ];
 
-/// Examines this machine. It never fails: what is wrong is the answer.
+/// Examines this machine. It never fails: faults are part of the answer.
 pub fn doctor() -> Doctor {
     let environment: Vec<_> =
         VARIABLES.iter().filter_map(|v| Some((v.to_string(), std::env::var(v).ok()?))).collect();

@@ -34,7 +34,7 @@ pub(super) fn why_none(variable: impl Fn(&str) -> Option<OsString>) -> String {
         Some((name, value)) => format!(" in {name}={}", value.display()),
         None => String::new(),
     };
-    // What the list names and the loader passes over.
+    // Entries of the list that the loader passes over.
     let listed = only.iter().flat_map(|(_, value)| std::env::split_paths(value));
     let passed_over = listed.filter_map(|path| match () {
         () if path.as_os_str().is_empty() => None,

@@ -43,8 +43,8 @@ pub struct GpuOptions {
     pub cache: Option<PathBuf>,
     /// Size of the resource table.
     pub table: TableSizes,
-    /// Lets kernels reach buffers by address where the driver is faster so. The validation layer does not
-    /// see what is reached by address when it looks for missing barriers.
+    /// Lets kernels reach buffers by address if that is faster on this driver. The validation layer does not
+    /// see accesses by address when it looks for missing barriers.
     pub by_address: bool,
 }
 
@@ -72,7 +72,7 @@ impl Default for GpuOptions {
 #[derive(Clone)]
 pub struct Gpu(pub(crate) Arc<Shared>);
 
-/// What all handles share. Fields that need the device are destroyed in `drop`, in order.
+/// The state that all handles share. `drop` destroys the fields that need the device, in order.
 pub(crate) struct Shared {
     pub device: ash::Device,
     /// Which of the devices that this program opened it is, from 1: one device may be opened twice.
@@ -100,13 +100,13 @@ pub(crate) struct Shared {
     pub table_layout: vk::DescriptorSetLayout,
     pub table_sizes: TableSizes,
     pub(super) samplers: Mutex<HashMap<SamplerKey, vk::Sampler>>,
-    /// What free slots of resource tables show, as long as there is a table.
+    /// The contents of free slots of resource tables, as long as there is a table.
     pub(super) placeholders: Mutex<Weak<Placeholders>>,
     /// Set once the device was lost or did not answer: nothing is waited for any more.
     pub lost: AtomicBool,
     /// Whose turn it is, see `access.rs`.
     pub(super) turn: RwLock<()>,
-    /// What the next wait fails with.
+    /// The error that the next wait fails with, for tests.
     #[cfg(test)]
     pub(super) next_wait: Mutex<Option<vk::Result>>,
     allocator: Mutex<Option<Allocator>>,
@@ -131,7 +131,7 @@ impl Gpu {
     ///
     /// # Errors
     /// [`Error::Device`] without a loader, a driver or a device that meets all [`super::REQUIREMENTS`];
-    /// the message names the device, what is missing and what to do.
+    /// the message names the device and the missing feature, and says what to do.
     pub fn open(options: &GpuOptions) -> Result<Self> {
         let asked = std::env::var("TILEWRIGHT_VALIDATION").is_ok_and(|v| v == "1");
         let validation = options.validation || asked;
@@ -232,7 +232,7 @@ impl Gpu {
         self.0.graphics
     }
 
-    /// Whether the host sees the device's memory, so that a copy for it would be a waste.
+    /// Whether the host sees the device's memory, so that it needs no copies.
     pub fn has_unified_memory(&self) -> bool {
         self.0.unified_memory
     }
@@ -258,7 +258,7 @@ impl Gpu {
         self.0.int64_atomics
     }
 
-    /// What the validation layer reported so far, in order; empty without it. It takes nothing away.
+    /// The messages of the validation layer so far, in order; empty without the layer. They stay for later calls.
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -389,7 +389,7 @@ impl Drop for Shared {
 }
 
 /// Opens the device with everything on that it offers, since users' shaders may need any of it. Robust
-/// access is part of that: shaders may index what they bind at will, and must not reach other memory.
+/// access is part of that: shaders may index their resources at will, and must not reach other memory.
 fn create_device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,

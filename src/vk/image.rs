@@ -32,7 +32,7 @@ pub struct ImageInfo<'a> {
     pub format: Format,
     /// Mip levels.
     pub levels: u32,
-    /// What it is for.
+    /// Its purpose.
     pub usage: ImageUse,
 }
 

@@ -1,14 +1,14 @@
-//! What the process was started with: whether there is a standard output, and how much memory it may
-//! have. Looking at the first takes `unsafe`: it happens before `main`, and before Rust's runtime puts
-//! `/dev/null` in the place of a closed one, after which nobody can tell it from one that was asked for.
+//! Properties that the process was started with: whether it has a standard output, and how much memory it may
+//! use. Checking standard output takes `unsafe`, because it has to happen before `main`: Rust's runtime
+//! replaces a closed standard output by `/dev/null`, and then it looks like one that the user redirected there.
 
 use crate::error::{Error, Result};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static STDOUT_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// Whether standard output was closed when the process started. What is written there then goes
-/// nowhere, without an error.
+/// Whether standard output was closed when the process started. Data that is written to it is then lost
+/// without an error.
 #[cfg_attr(not(feature = "cli"), allow(dead_code))]
 pub(crate) fn stdout_was_closed() -> bool {
     STDOUT_CLOSED.load(Ordering::Relaxed)
@@ -22,7 +22,7 @@ extern "C" fn look() {
     STDOUT_CLOSED.store(copied.is_err(), Ordering::Relaxed);
 }
 
-/// The system calls what it finds in this section before `main`.
+/// The system calls the functions in this section before `main`.
 // SAFETY: the section holds pointers to functions that return nothing and may ignore their arguments.
 #[cfg(target_os = "linux")]
 #[used]

@@ -148,7 +148,7 @@ impl Instance {
         }
         // SAFETY: all pointers in `info` outlive the call; `messages` outlives the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
-            // For a broken driver file, loaders give the reason that memory is short.
+            // If a driver file is broken, loaders report that memory is short.
             let variable = |name: &str| std::env::var_os(name);
             let no_driver = e == vk::Result::ERROR_INCOMPATIBLE_DRIVER
                 || examine_all(variable).iter().any(|file| file.fault.is_some());

@@ -1,4 +1,4 @@
-//! Kernels: SPIR-V, what it binds by name, and the pipeline.
+//! Kernels: SPIR-V, the names that it binds, and the pipeline.
 
 use super::{
     address,
@@ -51,22 +51,22 @@ impl Kernel {
     /// by descriptor, so that the device checks bounds.
     ///
     /// # Errors
-    /// [`Error::Usage`] names what does not fit: no module, a module that reaches memory by address, where
-    /// nobody checks bounds, a constant that does not exist, more than the device's workgroup or push
-    /// constants allow. [`Error::Device`] if the driver refuses it.
+    /// [`Error::Usage`] names the fault: the words are no module, the module reaches memory by address, which
+    /// is not checked against bounds, a constant does not exist, or the workgroup or the push constants are
+    /// larger than the device allows. [`Error::Device`] if the driver refuses it.
     pub fn new(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         if declares(info.spirv, Capability::PhysicalStorageBufferAddresses) {
             return Err(Error::Usage(format!(
-                "kernel `{}` reaches memory by address, where nobody checks bounds",
+                "kernel `{}` reaches memory by address, which is not checked against bounds",
                 info.name
             )));
         }
         Self::make(gpu, info, false)
     }
 
-    /// As [`Kernel::new`], of a module that keeps to the bounds of its own buffers: an engine's kernel, also
-    /// with a user's shader in it, which sees the resource table alone. It reaches them by address where
-    /// the driver is faster so.
+    /// As [`Kernel::new`], for a module that keeps to the bounds of its own buffers. These are the engine's
+    /// kernels, also with a user's shader in them, which sees only the resource table. Such a kernel reaches
+    /// its buffers by address if that is faster on this driver.
     pub(crate) fn trusted(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         Self::make(gpu, info, gpu.0.addresses)
     }

@@ -3,19 +3,19 @@
 //! | file | concept |
 //! |---|---|
 //! | `instance` | the loader, the instance, the validation layer's messages |
-//! | `requirements` | what a device must offer, as data, and what it may offer |
+//! | `requirements` | required and optional features of a device, as data |
 //! | `capability` | SPIR-V capabilities that a device may lack |
 //! | `device` | listing devices and picking one |
 //! | `gpu`, `limits` | the opened device: queue, memory, layouts, caches; its limits |
 //! | `owner` | which device a handle belongs to: those of two devices are not mixed |
-//! | `access` | turns of host and device: neither touches what the other one is at work on |
+//! | `access` | turns of host and device: neither touches memory that the other one is using |
 //! | `buffer`, `image`, `sampler` | resources; each is freed when its last user lets go |
 //! | `kernel`, `reflect` | a compute pipeline and the names its SPIR-V binds |
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
 //! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
 //! | `resources` | host data uploaded once, recognised by the identity of its `Arc` |
 //! | `inherited` | whether there is a standard output, and a limit of memory |
-//! | `doctor`, `drivers` | what is there, what is missing, and the exact fix |
+//! | `doctor`, `drivers` | the state of Vulkan on this machine, its faults and the exact fixes |
 //!
 //! # Synchronisation
 //! There is one queue and one rule: a global memory barrier before every dispatch, copy and fill,
@@ -26,14 +26,14 @@
 //!
 //! # Lifetimes
 //! Every handle owns its Vulkan object through an `Arc` that also holds the device. A recording keeps
-//! all it refers to until it is dropped, which is after its fence. If waiting for the fence fails, by
-//! time-out or otherwise, the recording is leaked on purpose, since freeing what a device still reads is
-//! undefined, and the device counts as lost: nothing more runs on it, and the host touches no memory that
-//! it might be at work on.
+//! everything that it refers to until it is dropped, which is after its fence. If waiting for the fence fails,
+//! by time-out or otherwise, the recording is leaked on purpose: freeing memory that a device still reads is
+//! undefined behaviour. The device then counts as lost: nothing more runs on it, and the host touches no
+//! memory that the device might still use.
 //!
 //! # Threads
 //! Every handle may be sent and shared between threads. Host and device take turns (`access`), so that
-//! safe code cannot write what a submission reads or read what it writes.
+//! safe code cannot write memory that a submission reads, or read memory that it writes.
 //!
 //! This module and `classic` are the only ones that contain `unsafe` or know Vulkan's types.
 

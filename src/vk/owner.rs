@@ -1,7 +1,7 @@
 //! Which device a handle belongs to.
 //!
-//! Vulkan does not look whether handles that meet are of one device; drivers crash where they are not. So
-//! every function that brings two handles together asks [`same_device`] first.
+//! Vulkan does not check whether handles that are used together belong to one device, and drivers crash if they
+//! do not. So every function that uses two handles together calls [`same_device`] first.
 
 use super::{
     buffer::Buffer, gpu::Shared, image::Image, kernel::Kernel, recorder::Recorder,
@@ -14,7 +14,7 @@ use bytemuck::Pod;
 pub(super) trait Owned {
     /// The device.
     fn owner(&self) -> &Shared;
-    /// What it is, for messages.
+    /// A description for messages.
     fn title(&self) -> String;
 }
 
@@ -28,7 +28,7 @@ pub(super) fn same_device(a: &dyn Owned, b: &dyn Owned) -> Result<()> {
         format!("device {opened} of this program ({})", info.name)
     };
     Err(Error::Usage(format!(
-        "{} is of {}, and {} is of {}: what is used together has to be made from one `Gpu` or its clones",
+        "{} belongs to {}, and {} belongs to {}: make both from one `Gpu` or its clones",
         a.title(),
         device(a),
         b.title(),

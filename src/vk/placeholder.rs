@@ -1,5 +1,5 @@
-//! What the free slots of resource tables show: a texel, a small buffer of zeros, a sampler. Made once for
-//! all tables of a device that exist at the same time.
+//! The contents of free slots of resource tables: a texel, a small buffer of zeros, a sampler. All tables of a
+//! device that exist at the same time share them.
 
 use super::{
     buffer::Buffer,

@@ -420,7 +420,7 @@ impl Dispatch<'_> {
         Ok(())
     }
 
-    /// Compares what is bound with what reflection found.
+    /// Compares the bindings with the kernel's reflection.
     fn check(&self) -> Result<()> {
         let r = &self.kernel.0.reflection;
         let fault =

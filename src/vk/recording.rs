@@ -39,7 +39,7 @@ struct Stage {
 /// A finished recording: it can run, more than once, and keeps alive all it refers to.
 pub struct Recording {
     gpu: Gpu,
-    /// `None` once it was leaked because nobody knows whether the device is done with it.
+    /// `None` once it was leaked, because the device may not be done with it.
     commands: Option<Commands>,
     fence: vk::Fence,
 }
@@ -365,8 +365,8 @@ impl Recording {
         commands.timings()
     }
 
-    /// The error for a submission of which nobody knows whether it has ended. The device may still read all
-    /// that it refers to, so nothing of it may be freed, and nothing else may run.
+    /// The error for a submission that may not have ended. The device may still read everything that the
+    /// submission refers to, so nothing of it may be freed, and nothing else may run.
     fn abandon(&mut self, what: &str, e: vk::Result) -> Error {
         self.gpu.0.lost.store(true, Ordering::Relaxed);
         std::mem::forget(self.commands.take());

@@ -1,4 +1,4 @@
-//! What a kernel binds, read from its SPIR-V, so that no binding number is ever typed twice.
+//! The bindings of a kernel, read from its SPIR-V, so that no binding number is ever typed twice.
 
 use super::address::Addressed;
 use crate::load_spirv::load;

@@ -1,4 +1,4 @@
-//! What a device must offer, as data, and what it may offer.
+//! The features that a device must offer and those that it may offer, as data.
 //!
 //! The list is kept short on purpose: no 64-bit integers, no 64-bit floats, no graphics queue, no
 //! extension. Everything on it is in Vulkan 1.3 and is offered by every desktop driver since 2022 and
@@ -6,7 +6,7 @@
 
 use ash::vk;
 
-/// What was read from a physical device before it is opened; plain copies, no chains.
+/// The properties of a physical device, read before it is opened; plain copies, no chains.
 #[derive(Clone, Default)]
 pub(super) struct Probe {
     pub properties: vk::PhysicalDeviceProperties,
@@ -33,7 +33,7 @@ unsafe impl Sync for Probe {}
 pub struct Requirement {
     /// What, in Vulkan's words.
     pub name: &'static str,
-    /// What the engine does with it.
+    /// Why the engine needs it.
     pub why: &'static str,
     /// `Some` says what the device offers instead, and the fix where there is one.
     check: fn(&Probe) -> Option<String>,
@@ -43,7 +43,7 @@ pub struct Requirement {
 pub struct Optional {
     /// What, in Vulkan's words.
     pub name: &'static str,
-    /// What the engine does with it, and what it does without.
+    /// The engine's use of it, and the replacement without it.
     pub why: &'static str,
     check: fn(&Probe) -> bool,
 }
@@ -55,7 +55,7 @@ pub struct Missing {
     pub name: &'static str,
     /// [`Requirement::why`].
     pub why: &'static str,
-    /// What the device offers instead, and the fix where there is one.
+    /// The device's own value, and the fix if there is one.
     pub found: String,
 }
 
@@ -210,7 +210,7 @@ pub const REQUIREMENTS: &[Requirement] = &[
     },
 ];
 
-/// What the engine uses where it exists.
+/// The optional features that the engine uses on devices that have them.
 pub const OPTIONAL: &[Optional] = &[
     Optional {
         name: "a graphics queue",

@@ -1,10 +1,11 @@
 //! Host data on the device: each buffer and texture of a [`crate::pass::Pass`] is uploaded once and
 //! recognised by the identity of its `Arc`.
 //!
-//! Kernels and pipelines are recognised by content, which is small; to look at the content of a texture
-//! costs about as much as to upload it. The cache has a `Weak` of what it knows, so that the address cannot
-//! be used again while the upload is known, and host memory goes when its owner lets it go. The upload
-//! itself goes with the next pass ([`Resources::trim`]).
+//! Kernels and pipelines are recognised by their content, which is small. Buffers and textures are not:
+//! comparing the content of a texture costs about as much as uploading it. The cache holds a `Weak` to each
+//! resource that it knows. So the address of the `Arc` cannot be used again while the cache knows the upload,
+//! and host memory is freed when its owner drops it. The upload itself is freed at the next pass
+//! ([`Resources::trim`]).
 
 use super::{
     buffer::{Buffer, Memory},
@@ -85,8 +86,8 @@ impl Resources {
         Ok(uploaded)
     }
 
-    /// The upload of `range` for a shader that reads it as a uniform block of `block` bytes. Kernels bring
-    /// such blocks in without a look at bounds, so that a range that is shorter is copied and zeros follow.
+    /// The upload of `range` for a shader that reads it as a uniform block of `block` bytes. Kernels read such
+    /// blocks without checking bounds, so a shorter range is copied to a buffer that zeros fill up.
     ///
     /// # Errors
     /// As [`Resources::buffer`], and [`crate::Error::Usage`] if the range is outside its buffer.
@@ -170,7 +171,7 @@ impl Resources {
         if self.pending_bytes > bytes { self.flush() } else { Ok(()) }
     }
 
-    /// Forgets what nobody holds any more.
+    /// Forgets the uploads of resources that have no owner any more.
     pub fn trim(&mut self) {
         self.buffers.retain(|_, (holder, _)| holder.strong_count() > 0);
         self.textures.retain(|_, (holder, _)| holder.strong_count() > 0);

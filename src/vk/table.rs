@@ -5,9 +5,9 @@
 //! descriptor sets whatever users declare (some drivers have only four). Uniform and push-constant
 //! blocks are storage buffers here: drivers with 15 uniform buffers exist.
 //!
-//! A table is full of valid descriptors at all times: a lane that is switched off may still make a
-//! driver look at whatever index it holds, and an image that was never written crashes some. Slots
-//! that are free show a 1x1 image or a small buffer of zeros.
+//! A table is full of valid descriptors at all times: a driver may access the descriptor at a lane's index even
+//! while the lane is switched off, and some drivers crash on a descriptor that was never written. Free slots
+//! show a 1x1 image or a small buffer of zeros.
 
 use super::{
     buffer::{Buffer, Memory, RawBuffer},
@@ -28,7 +28,7 @@ use std::{
     sync::{Arc, Mutex, PoisonError, RwLockWriteGuard},
 };
 
-/// Slots of each kind. What a device offers less of is cut down when it is opened.
+/// Slots of each kind. If a device offers fewer of a kind, their number is cut down when it is opened.
 ///
 /// CPU drivers spend memory and time on every slot, used or not: lavapipe a seventh of a microsecond.
 /// The default is enough for ten thousand draws with blocks of their own; a pass that binds more has
@@ -75,7 +75,7 @@ impl TableSizes {
         [self.sampled, self.textures, self.samplers, self.storage_images, self.buffers]
     }
 
-    /// What the device has room for.
+    /// The sizes that the device has room for.
     pub(super) fn capped(self, probe: &Probe) -> Self {
         let l = &probe.vulkan12;
         let of = |stage: u32, set: u32| stage.min(set);

@@ -1,4 +1,4 @@
-//! `tilewright bench`: what it prints, writes and refuses.
+//! `tilewright bench`: its output, its files and its refusals.
 
 use super::tool::{command, finish, run};
 use serde_json::Value;
@@ -9,7 +9,7 @@ use std::{
     process::{Command, ExitStatus, Stdio},
 };
 
-/// What a row can come to if its pictures are the same; what it comes to depends on the machine.
+/// The verdicts that a row can have if its pictures are the same; which of them it has depends on the machine.
 const VERDICTS: [&str; 5] = ["FASTER", "SLOWER", "SAME", "AMBIGUOUS", "BUSY"];
 
 /// A run with everything in it; the processes of its own compile without caches.

@@ -1,4 +1,4 @@
-//! Users' cases: what was typed, what the environment says, and what came of it.
+//! Users' cases: a command line, an environment, and the outcome.
 
 use super::tool::{Run, command, decode, finish};
 use std::{
@@ -103,11 +103,11 @@ fn a_standard_output_that_takes_nothing_ends_with_4() {
             assert!(run.stderr.contains("standard output"), "{line:?} {redirect}: {}", run.stderr);
         }
     }
-    // What is thrown away on purpose is no fault, however it is opened.
+    // Output that is thrown away on purpose is no fault, however it is opened.
     for redirect in [">/dev/null", "1<>/dev/null"] {
         redirected(&picture, redirect).expect(0);
     }
-    // Nobody hears what is said on a closed standard error.
+    // Messages on a closed standard error are lost.
     for redirect in ["2>&-", "2>/dev/full"] {
         assert_eq!(decode(&redirected(&picture, redirect).expect(0).stdout).size, (16, 16));
     }

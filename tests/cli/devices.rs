@@ -1,4 +1,4 @@
-//! What is there, and the choice among it.
+//! The list of devices, and the choice of one.
 
 use super::tool::{command, finish, run};
 

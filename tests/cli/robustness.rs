@@ -40,7 +40,7 @@ fn every_bad_or_odd_file_is_drawn_or_named_with_its_fault() {
     assert!(faults.is_empty(), "{} of {}:\n{}", faults.len(), files.len(), faults.join("\n"));
 }
 
-/// What is wrong with how the tool took `file`, if anything.
+/// The fault in the tool's handling of `file`, if there is one.
 fn judge(file: &Path) -> Result<(), String> {
     let line = ["--size", "64x64", "-o", "-"];
     let run = finish(command().arg("render").arg(file).args(line));
@@ -54,7 +54,7 @@ fn judge(file: &Path) -> Result<(), String> {
     match run.code {
         Some(0) => Ok(()),
         Some(4) => {
-            // The last line is the fault; what stands above it are the device and warnings.
+            // The last line is the fault; the lines above it are the device and warnings.
             let said = run.stderr.lines().last().unwrap_or_default();
             let reason = said.rsplit(&*name).next().unwrap_or_default();
             let is_sentence = reason.split_whitespace().count() >= 3;

@@ -11,7 +11,7 @@ use std::{
 /// so that a busy one changes no result.
 const HANGS: Duration = Duration::from_secs(30 * 60);
 
-/// What a run left behind.
+/// The results of a run.
 #[derive(Debug)]
 pub struct Run {
     /// The exit code; `None` if a signal ended it, also the one sent after the time limit.

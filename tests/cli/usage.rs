@@ -1,4 +1,4 @@
-//! Command lines that make no sense, and help.
+//! Invalid command lines, and help.
 
 use super::tool::run;
 

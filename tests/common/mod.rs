@@ -1,5 +1,5 @@
-//! What tests of the device share: opening one with the validation layer on, and failing on its
-//! messages; compiling a kernel from a few lines of GLSL.
+//! Helpers for tests on devices: they open a device with the validation layer on and fail on its messages, and they
+//! compile a kernel from a few lines of GLSL.
 
 #[cfg(feature = "glsl-bundled")]
 #[path = "../../src/shader/bundled.rs"]

@@ -1,9 +1,9 @@
 //! Did the picture change? Small scenes, each with one feature of materials, cameras or order, against
-//! pictures that somebody has looked at. Parity cannot see these: a camera that is wrong is wrong for both
+//! pictures that a person has looked at. Parity cannot see faults of these: a wrong camera is wrong for both
 //! executors.
 //!
-//! A picture that differs leaves `NAME.new.png`, what was drawn, and `NAME.diff.png`, where it differs,
-//! beside the golden one. Whoever has looked at the new one and wants it accepts it with
+//! A picture that differs leaves `NAME.new.png`, the new drawing, and `NAME.diff.png`, which shows the
+//! differences, beside the golden one. If you have looked at the new one and want it, accept it with
 //!
 //! ```sh
 //! TILEWRIGHT_GOLDEN=accept cargo test --release golden
@@ -96,7 +96,7 @@ fn accepts() -> bool {
     let asked = std::env::var("TILEWRIGHT_GOLDEN").is_ok_and(|value| value == "accept");
     assert!(
         !asked || std::env::var_os("CI").is_none(),
-        "CI accepts no pictures: nobody looks at them"
+        "CI accepts no pictures, because no person looks at them"
     );
     asked
 }

@@ -1,5 +1,5 @@
-//! What exporters write although glTF does not say so: it is drawn, with a warning where it matters;
-//! and what cannot be drawn is named.
+//! Files that exporters write although glTF does not allow them. They are drawn, with a warning where it matters;
+//! parts that cannot be drawn are named.
 
 use super::loaded::{Case, pass, positions, triangle, uri};
 use glam::Vec3;

@@ -1,4 +1,4 @@
-//! Small files written on the spot: each shows one rule of a format, by what the pass holds.
+//! Small files written on the spot: each tests one rule of a format, by the content of the pass.
 
 use super::check;
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec3};

@@ -25,7 +25,7 @@ const BACKGROUND: [u8; 3] = [0x40; 3];
 /// What `Kd 1 0 0` is, lit from the front; the sides are a little brighter or darker.
 const RED: [u8; 3] = [233, 31, 32];
 
-/// What was drawn and said.
+/// The picture and the warnings.
 struct Picture {
     pixels: Vec<[u8; 3]>,
     warnings: Vec<String>,

@@ -1,4 +1,4 @@
-//! What makes a `Pass` valid, checked without any device.
+//! Checks that a `Pass` is valid, without any device.
 
 use tilewright::{
     format::Format,

@@ -194,7 +194,7 @@ fn limits(html: &mut Html, document: &Value, rows: &[Value]) {
     let rates = &document["environment"]["rates"];
     let copy = rates["copy_bytes_per_second"].as_f64();
     let atomics = rates["atomics_per_second"].as_f64();
-    html.section("Limits", "How close each stage comes to what the device could do at best: the time in which its least work could be copied and counted, as part of the time that it takes. Least work is what goes in and out by the stage's contract. Stages whose work depends on what is seen are not counted. More than 100 % is work that stayed in caches, which copies do not.");
+    html.section("Limits", "How close each stage comes to the limits of the device: the time in which the device could copy and count the stage's least work, as part of the time that the stage takes. The least work is the data that goes in and out by the stage's contract. Stages whose work depends on the picture are left out. A stage can have more than 100 % if its data stayed in caches; the data of the measured copies does not.");
     html.line(&format!(
         "<p>Measured here: copying {} GB a second, reads and writes together; {} million scattered atomic additions a second.</p>",
         copy.map_or("-".into(), |rate| format!("{:.1}", rate / 1e9)),

@@ -170,7 +170,7 @@ pub fn crossovers(rows: &[Value]) -> Vec<String> {
     plots.iter().map(|(size, curves)| crossover(size, curves)).collect()
 }
 
-/// What stands under `key`, made if it is not there.
+/// The value of `key`; a new one is added.
 fn entry<T: Default>(list: &mut Vec<(String, T)>, key: String) -> &mut T {
     let at = list.iter().position(|(known, _)| *known == key).unwrap_or_else(|| {
         list.push((key, T::default()));

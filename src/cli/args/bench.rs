@@ -5,14 +5,14 @@ use crate::image::Extent;
 use clap::{Args, Subcommand};
 use std::{ffi::OsString, path::PathBuf};
 
-/// What stands below the options of `bench --help`.
+/// The text below the options of `bench --help`.
 pub const AFTER_HELP: &str = "\
 Without scenes, all named ones are drawn. Each row is one scene at one size: the
 pictures are compared, then both executors draw in turns. RATIO is classic time
 / compute time, so that more than 1 means that compute is faster. A verdict is
-  INVALID    if the pictures differ: the times say nothing
+  INVALID    if the pictures differ: the times mean nothing
   BUSY       if the machine was busy or its speed changed: a line below the row
-             says what was noticed
+             gives the reason
   FASTER     if the whole 95 % interval of the ratio is above 1 and the ratio is
              above 1.02
   SLOWER     if the whole interval is below 1 and the ratio is below 1/1.02
@@ -41,16 +41,16 @@ pub struct BenchArgs {
     #[command(subcommand)]
     pub verb: Option<BenchVerb>,
     /// Named scenes (--list), .gltf, .glb and .obj files, `builtin:NAME` [default: all named scenes
-    /// but `sheet`, which is what axes vary: with --axis, that one]
+    /// except `sheet`; with --axis, only `sheet`]
     #[arg(value_name = "SCENE")]
     pub scenes: Vec<OsString>,
     /// Pixels across and down; can be given several times [default: 1920x1080]
     #[arg(long, value_name = "WxH", value_parser = parse_size, allow_hyphen_values = true)]
     pub size: Vec<Extent>,
-    /// Vary generated scenes along an axis (--list); several make every combination
+    /// Vary generated scenes along an axis (--list); several axes give every combination of their values
     #[arg(long, value_name = "NAME=A,B,C")]
     pub axis: Vec<String>,
-    /// Seconds that the whole run may take, about; what does not fit is left out and listed
+    /// About how many seconds the whole run may take; rows that do not fit are left out and listed
     #[arg(long, value_name = "SECONDS", value_parser = parse_budget)]
     pub budget: Option<f32>,
     /// Rounds of a row, in each of which both executors draw a frame [default: 6 to 200, until the
@@ -60,7 +60,7 @@ pub struct BenchArgs {
     /// Frames that each executor draws before the first round
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     pub warm_up: u32,
-    /// What the generated scenes' random numbers start from
+    /// Seed of the generated scenes' random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// List scenes and axes

@@ -1,11 +1,11 @@
-//! Processes of their own, each with one executor: starting them, and being one.
+//! Processes that measure one executor alone: the code that starts them, and the code that they run.
 
 use super::{
     super::{
         args::{Backend, BenchArgs, Vec3, ViewArgs},
         exit::Outcome,
+        messages,
         output::write_json,
-        talk,
     },
     cases::Case,
     interrupt,
@@ -19,21 +19,21 @@ use crate::{
 use serde_json::Value;
 use std::process::Command;
 
-/// The variable that makes a run of the tool such a process: it holds the executor. No option, since
-/// nobody should be offered it.
+/// The environment variable that makes a run of the tool such a process; its value names the executor. It is
+/// no option, because users have no need of it.
 const VARIABLE: &str = "TILEWRIGHT_BENCH_ALONE";
 
-/// The executor that this process is for, if it is one of these processes.
+/// The executor that this process measures; `None` in an ordinary run of the tool.
 pub fn executor() -> Option<Backend> {
     let wanted = std::env::var(VARIABLE).ok()?;
     [Backend::Compute, Backend::Classic].into_iter().find(|backend| backend.name() == wanted)
 }
 
-/// Draws `pass` with caches as they are and prints what it took.
+/// Draws `pass` with the caches as they are, and prints its times and its memory.
 ///
 /// # Errors
 /// Those of the executor.
-pub fn be(gpu: &Gpu, backend: Backend, pass: &Pass) -> Result<Outcome> {
+pub fn measure(gpu: &Gpu, backend: Backend, pass: &Pass) -> Result<Outcome> {
     let found = match backend {
         Backend::Compute => Alone::compute(gpu, pass)?,
         Backend::Classic => Alone::classic(gpu, pass)?,
@@ -41,13 +41,13 @@ pub fn be(gpu: &Gpu, backend: Backend, pass: &Pass) -> Result<Outcome> {
     write_json(&found.json()).map(|()| Outcome::Done)
 }
 
-/// Adds what processes of their own find of `case`. One that fails is said and leaves its figures out: the
-/// rest of the row is no worse for it.
+/// Measures `case` in processes of their own and adds their figures to the row. If a process fails, a warning
+/// says so and its figures are left out; the rest of the row is still valid.
 pub fn add_to(row: &mut Value, case: &Case, args: &BenchArgs, device: &DeviceInfo) {
     for backend in [Backend::Compute, Backend::Classic] {
         match twice(case, args, device, backend) {
             Ok([first, second]) => bench::add_alone(row, backend.name(), &first, &second),
-            Err(reason) => talk::line(format_args!(
+            Err(reason) => messages::line(format_args!(
                 "warning: {}: no first frame and no memory of {}: {reason}",
                 case.label.name(),
                 backend.name()
@@ -73,7 +73,7 @@ fn twice(
             .arg(case.typed())
             .args(["--size", &case.label.extent.to_string(), "--device", &device.uuid])
             .args(["--seed", &args.seed.to_string()])
-            .args(retyped(&args.view));
+            .args(view_options(&args.view));
         for (axis, value) in &case.label.settings {
             command.arg("--axis").arg(format!("{}={value}", axis.name()));
         }
@@ -89,8 +89,8 @@ fn twice(
     Ok([once()?, once()?])
 }
 
-/// The options that were typed, for another command line.
-fn retyped(view: &ViewArgs) -> Vec<String> {
+/// The options of `view` as arguments of a command line.
+fn view_options(view: &ViewArgs) -> Vec<String> {
     let vector = |Vec3(v): Vec3| format!("{},{},{}", v[0], v[1], v[2]);
     let color = |[r, g, b, a]: [u8; 4]| format!("{r:02x}{g:02x}{b:02x}{a:02x}");
     [
@@ -130,7 +130,7 @@ mod tests {
         ] {
             let line: Vec<String> = line.iter().map(|word| word.to_string()).collect();
             let once = view(&line);
-            assert_eq!(format!("{:?}", view(&retyped(&once))), format!("{once:?}"));
+            assert_eq!(format!("{:?}", view(&view_options(&once))), format!("{once:?}"));
         }
     }
 }

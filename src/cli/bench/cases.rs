@@ -1,10 +1,10 @@
-//! What is measured: scenes, sizes and axes as they were typed, made into rows to be.
+//! Makes a list of rows to measure of the scenes, sizes and axes that were typed.
 
 use super::super::{
     args::{BenchArgs, parse_size},
     output::Output,
     plan::{SceneName, View},
-    shot::Shot,
+    scene_view::SceneView,
 };
 use crate::{
     bench::{self, Axis, Label, Named, Recipe},
@@ -17,9 +17,9 @@ use std::ffi::{OsStr, OsString};
 /// The size that is measured if none is asked for.
 const DEFAULT_SIZE: Extent = Extent::new(1920, 1080);
 
-/// One row to be.
+/// One row to measure.
 pub struct Case {
-    /// What it is of.
+    /// The scene, the size and the settings.
     pub label: Label,
     /// Whether its first frames and its memory are measured too, in processes of their own.
     pub alone: bool,
@@ -28,15 +28,15 @@ pub struct Case {
 
 enum Source {
     Generated(Recipe),
-    Seen(View),
+    Scene(View),
 }
 
 impl Case {
-    /// As it can be typed again.
+    /// The scene as a user types it.
     pub fn typed(&self) -> OsString {
         match &self.source {
             Source::Generated(_) => self.label.scene.clone().into(),
-            Source::Seen(view) => view.scene.typed(),
+            Source::Scene(view) => view.scene.typed(),
         }
     }
 
@@ -47,23 +47,23 @@ impl Case {
     pub fn keep_from(&self, output: &Output) -> Result<()> {
         match &self.source {
             Source::Generated(_) => Ok(()),
-            Source::Seen(view) => view.scene.keep_from(output),
+            Source::Scene(view) => view.scene.keep_from(output),
         }
     }
 
-    /// The pass; made anew each time, so that only one is in memory.
+    /// The pass. It is made anew each time, so that only one pass is in memory.
     ///
     /// # Errors
     /// Those of the scene.
     pub fn pass(&self) -> Result<Pass> {
         match &self.source {
             Source::Generated(recipe) => bench::pass(&self.label.name(), recipe, self.label.extent),
-            Source::Seen(view) => Shot::new(view).map(|shot| shot.pass),
+            Source::Scene(view) => SceneView::new(view).map(|scene_view| scene_view.pass),
         }
     }
 }
 
-/// Every scene at every size along every axis, all of it checked before anything is done.
+/// Every scene at every size along every axis. All of it is checked before anything is measured.
 ///
 /// # Errors
 /// [`Error::Usage`], [`Error::Input`] for a scene that is not there.
@@ -133,10 +133,10 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// Leaves the folders of files out of their titles, where these still differ without.
+/// Leaves the folder of a file out of its title, unless two titles would become equal.
 fn shorten(cases: &mut [Case]) {
     let short = |case: &Case| match &case.source {
-        Source::Seen(View { scene: SceneName::File(path), .. }) => {
+        Source::Scene(View { scene: SceneName::File(path), .. }) => {
             path.file_name().map(|name| name.to_string_lossy().into_owned())
         }
         _ => None,
@@ -178,14 +178,14 @@ fn seen(typed: &OsStr, extent: Extent, args: &BenchArgs) -> Result<Case> {
     let text = typed.to_string_lossy();
     let scene = SceneName::new(typed).map_err(|error| match error {
         Error::Input { .. } if !text.contains(['.', '/']) => Error::Usage(format!(
-            "there is no scene `{text}`: tilewright bench --list names those that are generated"
+            "there is no scene `{text}`: `tilewright bench --list` lists the generated scenes"
         )),
         other => other,
     })?;
     let view = View::new(scene, extent, &args.view)?;
     let (scene, title) = (text.clone().into_owned(), text.into_owned());
     let label = Label { scene, title, extent, settings: Vec::new() };
-    Ok(Case { label, alone: true, source: Source::Seen(view) })
+    Ok(Case { label, alone: true, source: Source::Scene(view) })
 }
 
 /// `name=a,b,c`.
@@ -197,7 +197,7 @@ fn axis(typed: &str) -> Result<(Axis, Vec<String>)> {
     Ok((Axis::named(name.trim()).map_err(wrong)?, values))
 }
 
-/// One value of each axis, in every way; the last axis varies fastest. Without axes, one empty way.
+/// All combinations of one value of each axis; the last axis varies fastest. Without axes, one empty combination.
 fn combinations(axes: &[(Axis, Vec<String>)]) -> Vec<Vec<(Axis, String)>> {
     let mut ways = vec![Vec::new()];
     for (axis, values) in axes {

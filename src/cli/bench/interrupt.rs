@@ -1,9 +1,9 @@
-//! A run that is interrupted ends its results properly: whoever presses Ctrl-C after an hour keeps the
-//! hour.
+//! An interrupted run ends its results properly: a user who presses Ctrl-C after an hour keeps the results
+//! of that hour.
 //!
-//! Signals are taken by a thread, which ends the results and then the process, whatever the other threads
-//! are doing: a frame may take seconds, and nobody waits for it. The process dies of the signal, as its
-//! caller expects.
+//! A thread handles the signals. It ends the results and then the process, whatever the other threads are
+//! doing: a frame may take seconds, and the user should not have to wait for it. The process dies of the
+//! signal, as its caller expects.
 
 use super::results::Results;
 use crate::error::{Error, Result};
@@ -20,8 +20,8 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// What an interrupted run has to end.
-struct Open {
+/// The work that an interrupted run has to end.
+struct Unfinished {
     results: Option<Results>,
     /// The process that is being waited for.
     child: Option<Child>,
@@ -29,10 +29,11 @@ struct Open {
     folder: Option<TempDir>,
 }
 
-static OPEN: Mutex<Open> = Mutex::new(Open { results: None, child: None, folder: None });
+static UNFINISHED: Mutex<Unfinished> =
+    Mutex::new(Unfinished { results: None, child: None, folder: None });
 
-fn open() -> MutexGuard<'static, Open> {
-    OPEN.lock().unwrap_or_else(PoisonError::into_inner)
+fn unfinished() -> MutexGuard<'static, Unfinished> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// From now on, a signal ends `results`.
@@ -40,7 +41,7 @@ fn open() -> MutexGuard<'static, Open> {
 /// # Errors
 /// [`Error::Io`] if the system does not let signals be taken.
 pub fn watch(results: Results) -> Result<()> {
-    open().results = Some(results);
+    unfinished().results = Some(results);
     let mut signals = Signals::new([SIGINT, SIGTERM])
         .map_err(|source| Error::Io { path: "taking signals".into(), source })?;
     std::thread::spawn(move || {
@@ -52,20 +53,20 @@ pub fn watch(results: Results) -> Result<()> {
 }
 
 fn end(signal: i32) {
-    // Held until the process is gone: no row is written behind the end.
-    let mut open = open();
-    if let Some(child) = &mut open.child {
-        // A process that has ended meanwhile cannot be killed, and need not be.
+    // The lock is held until the process is gone, so that no row is written behind the end.
+    let mut unfinished = unfinished();
+    if let Some(child) = &mut unfinished.child {
+        // Killing fails if the process has ended meanwhile, which is fine.
         let _ = child.kill();
         let _ = child.wait();
     }
-    open.folder = None;
-    let said = match open.results.as_mut().map(Results::interrupted) {
+    unfinished.folder = None;
+    let said = match unfinished.results.as_mut().map(Results::interrupted) {
         Some(Ok(said)) => said,
         Some(Err(error)) => error.to_string(),
         None => "interrupted".into(),
     };
-    super::talk::line(format_args!("tilewright: {said}"));
+    super::messages::line(format_args!("tilewright: {said}"));
     let _ = emulate_default_handler(signal);
 }
 
@@ -74,7 +75,7 @@ fn end(signal: i32) {
 /// # Errors
 /// Those of `what`.
 pub fn with<R>(what: impl FnOnce(&mut Results) -> Result<R>) -> Result<R> {
-    match open().results.as_mut() {
+    match unfinished().results.as_mut() {
         Some(results) => what(results),
         None => Err(Error::Usage("no results were begun".into())),
     }
@@ -88,12 +89,12 @@ pub fn output(command: &mut Command) -> io::Result<Output> {
     let mut child =
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
     let (out, err) = (child.stdout.take(), child.stderr.take());
-    open().child = Some(child);
-    // Both at once: a child may block on either.
+    unfinished().child = Some(child);
+    // Both pipes are read at once: a child may block on either.
     let stderr = std::thread::spawn(move || drained(err));
     let stdout = drained(out);
     let stderr = stderr.join().unwrap_or_else(|_| Ok(Vec::new()));
-    let child = open().child.take();
+    let child = unfinished().child.take();
     let mut child = child.ok_or_else(|| io::Error::other("the process is gone"))?;
     Ok(Output { status: child.wait()?, stdout: stdout?, stderr: stderr? })
 }
@@ -106,7 +107,7 @@ fn drained(pipe: Option<impl Read>) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A temporary folder that goes with the run, also if that is interrupted.
+/// A temporary folder that is removed at the end of the run, also if the run is interrupted.
 pub struct Folder(std::path::PathBuf);
 
 impl Folder {
@@ -117,7 +118,7 @@ impl Folder {
     pub fn new() -> io::Result<Self> {
         let folder = tempfile::tempdir()?;
         let path = folder.path().to_path_buf();
-        open().folder = Some(folder);
+        unfinished().folder = Some(folder);
         Ok(Self(path))
     }
 
@@ -129,6 +130,6 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        open().folder = None;
+        unfinished().folder = None;
     }
 }

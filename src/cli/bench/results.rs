@@ -2,8 +2,8 @@
 
 use super::{
     super::{
+        messages,
         output::{Output, write_stdout},
-        talk,
     },
     cases::Case,
 };
@@ -37,7 +37,7 @@ pub struct Results {
 }
 
 impl Results {
-    /// Writes what stands before the first row.
+    /// Writes the text before the first row.
     ///
     /// # Errors
     /// [`Error::Io`](crate::Error::Io), as of all that writes here.
@@ -87,7 +87,7 @@ impl Results {
         Ok(())
     }
 
-    /// Writes what stands behind the last row. Returns whether the pictures of any row differ.
+    /// Writes the text behind the last row. Returns whether the pictures of any row differ.
     ///
     /// # Errors
     /// See [`Results::begin`].
@@ -125,7 +125,7 @@ impl Results {
     }
 
     fn write(&self, text: &str) -> Result<()> {
-        talk::around(|| write_stdout(text.as_bytes()))
+        messages::around(|| write_stdout(text.as_bytes()))
     }
 
     fn write_report(&self) -> Result<()> {

@@ -1,4 +1,4 @@
-//! Whether a pipeline makes sense: its shaders, and what lies between them and the vertex buffers.
+//! Checks whether a pipeline is valid: its shaders, their interface, and the vertex attributes.
 
 use super::{Fault, STRIDE_BYTES};
 use crate::{
@@ -40,7 +40,7 @@ fn merged(vertex: &Shader, fragment: &Shader) -> std::result::Result<Vec<Resourc
                 ));
             }
             Some(other) => {
-                // 0 is a run-time array, which is as long as what is bound.
+                // 0 stands for a run-time array, which is as long as its binding.
                 let open = other.count == 0 || resource.count == 0;
                 other.count = if open { 0 } else { other.count.max(resource.count) };
                 other.bytes = other.bytes.max(resource.bytes);
@@ -74,8 +74,8 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     merged(&pipeline.vertex, &pipeline.fragment)
 }
 
-/// Whether the fragment shader writes what the colour target holds. What it writes to other locations
-/// vanishes, as Vulkan has it.
+/// Checks that the fragment shader writes the kind of value that the colour target holds. Its outputs at other
+/// locations vanish, as in Vulkan.
 fn check_outputs(fragment: &Shader) -> Fault {
     let outputs = fragment.reflection.outputs.iter();
     match outputs.filter(|o| o.location == 0).find(|o| o.scalar != Scalar::Float) {
@@ -141,7 +141,7 @@ fn scalar(component: Component) -> Scalar {
     }
 }
 
-/// Whether the vertex shader writes what the fragment shader reads.
+/// Checks that the vertex shader writes every input of the fragment shader.
 fn check_varyings(pipeline: &Pipeline) -> Fault {
     let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
     for input in &fragment.reflection.inputs {

@@ -1,4 +1,4 @@
-//! Random triangles: what no one would model, and what a rasterizer must still draw right.
+//! Random triangles. Nobody would model such a mesh, but a rasterizer has to draw it right.
 
 use super::super::mesh::Mesh;
 use crate::random::Random;

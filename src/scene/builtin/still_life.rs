@@ -25,7 +25,7 @@ const SKY: f32 = 60.0;
 const FLOOR: f32 = 44.0;
 const CLEAR: f32 = 9.0;
 const FLOOR_QUADS: u32 = 180;
-/// What is at the horizon; below the shoulder of the tone curve, so that lit and unlit agree.
+/// The colour of the horizon; below the shoulder of the tone curve, so that lit and unlit surfaces agree.
 const HAZE: Vec3 = Vec3::new(0.73, 0.66, 0.58);
 
 /// Half the side of the square that the shadow is computed for, and its texels.
@@ -104,7 +104,7 @@ fn floor(builder: &mut Builder, darkness: &[f32]) -> Result<(), String> {
     });
     mesh.uvs[1] = mesh.positions.iter().map(|p| Vec2::new(p.x, p.z) / FLOOR * 0.5 + 0.5).collect();
     shapes::paint(&mut mesh, |p| {
-        // What is left in the shade is a little blue.
+        // The light that is left in the shade is a little blue.
         let shade = Vec3::ONE.lerp(Vec3::new(0.02, 0.03, 0.05), sample(darkness, p));
         (shade * (1.0 - haze(p.length()))).extend(1.0)
     });

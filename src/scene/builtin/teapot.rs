@@ -1,7 +1,7 @@
 //! The Utah teapot: Martin Newell's 32 bicubic Bézier patches of 1975, from their control points.
 //!
-//! Of the patches 24 are quarters of six surfaces of revolution, so a control point of those is kept
-//! as radius, length of the handle along the circle, and height; handle and spout are each two
+//! 24 of the patches are quarters of six surfaces of revolution, so their control points are kept as radius,
+//! length of the Bézier handle along the circle, and height. The teapot's handle and its spout are each two
 //! patches and their mirror images. Everything is in Newell's space (z up) until the end.
 
 use super::super::mesh::Mesh;

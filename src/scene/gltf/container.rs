@@ -91,7 +91,7 @@ fn read(json: &[u8], warn: &mut dyn FnMut(String)) -> Checks<(Root, Vec<Local>)>
         Some(Err(e)) => return Err(fault(e.to_string())),
         None => return Err(fault("it is empty".into())),
     };
-    // Writers pad with zeros, and leave behind what the file held before it got shorter.
+    // Writers pad with zeros, and some leave the old end behind when a file gets shorter.
     let rest = &json[stream.byte_offset()..];
     if rest.iter().any(|b| *b != 0 && !b.is_ascii_whitespace()) {
         warn(format!("{} bytes after the JSON are ignored", rest.len()));

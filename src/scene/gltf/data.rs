@@ -27,7 +27,7 @@ const MAX_UNBACKED: usize = 1 << 22;
 pub(super) struct Data<'a> {
     pub root: &'a Root,
     buffers: Vec<Checks<Cow<'a, [u8]>>>,
-    /// What of the buffers is in the scene's store already.
+    /// The parts of the buffers that are in the scene's store already.
     views: HashMap<usize, Slice>,
     indices: HashMap<usize, (Slice, IndexFormat, u32)>,
 }
@@ -62,7 +62,7 @@ pub(super) fn get<'r, T>(list: &'r [T], index: usize, what: &str) -> Checks<&'r 
 /// Compression of buffer views, under its two names.
 const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// What is said of data that only a decoder could read.
+/// The message for data that only a decoder could read.
 pub(super) fn compressed(extension: &str) -> String {
     format!(
         "it is compressed by {extension}, which cannot be read, and has no uncompressed copy; export \

@@ -1,5 +1,5 @@
-//! What exporters get wrong although it is clear what they mean: mended before the typed parser sees
-//! it, which refuses a whole file for one such member.
+//! Mends errors of exporters whose meaning is clear, before the typed parser sees them: it refuses a whole file
+//! for one such member.
 
 use super::super::uri::short;
 use serde_json::{Map, Number, Value};
@@ -109,7 +109,7 @@ fn samplers_and_materials(document: &mut Value, warn: &mut dyn FnMut(String)) {
 fn walk(value: &mut Value, warn: &mut dyn FnMut(String)) {
     match value {
         Value::Object(members) => {
-            // Applications keep what they like in extras, of any type; null is as if left out.
+            // Applications keep anything in extras, of any type; null counts as missing.
             members.remove("extras");
             members.retain(|_, member| !member.is_null());
             members.retain(|name, member| {

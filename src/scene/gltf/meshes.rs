@@ -21,7 +21,7 @@ use gltf_json::{
 
 const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// What a node does to its mesh.
+/// The changes that a node makes to its mesh.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Deform<'a> {
     /// Weights of the morph targets, empty for none.
@@ -204,7 +204,7 @@ impl Source<'_> {
         Ok(())
     }
 
-    /// Whether all normals point somewhere, or nobody asks.
+    /// Whether all normals have a direction, or the material needs none.
     fn has_directions(&self, data: &Data, unlit: bool) -> Checks<bool> {
         let Some(normals) = self.find(Semantic::Normals).filter(|_| !unlit) else {
             return Ok(true);

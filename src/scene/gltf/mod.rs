@@ -54,7 +54,7 @@ pub(super) fn load(path: &Path, name: &str, bytes: &[u8], time: Option<f64>) -> 
     builder.finish(name)
 }
 
-/// Warns of what is wrong where nothing needed it.
+/// Warns of faults in parts of the file that the scene does not need.
 fn audit(data: &Data, builder: &mut Builder) {
     let faults = (0..data.root.accessors.len()).filter_map(|i| data.accessor(i).err());
     for fault in faults.take(20).collect::<Vec<_>>() {

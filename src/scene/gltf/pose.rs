@@ -35,9 +35,9 @@ pub(super) struct Pose {
 impl Pose {
     /// The pose at `time` seconds, or at rest.
     ///
-    /// Times before the first and after the last key hold that key, as glTF demands. Of several
-    /// animations each applies whose targets no earlier one has: files that split one movement
-    /// over many animations play as a whole, files that hold alternatives show the first.
+    /// Before the first key the first key holds, and after the last key the last one, as glTF demands. If there
+    /// are several animations, an animation applies if no earlier one has the same targets. So a file that
+    /// splits one movement over many animations plays as a whole, and a file with alternatives shows the first.
     pub fn new(data: &Data, locals: &[Local], time: Option<f64>) -> Checks<Self> {
         let mut pose = Self {
             locals: locals.iter().map(Local::matrix).collect(),
@@ -85,7 +85,7 @@ impl Pose {
 }
 
 impl Local {
-    /// The transform of a node's JSON; what is missing there, or no number, is as if left out.
+    /// The transform of a node's JSON; a member that is no number counts as missing.
     pub fn of(node: &Value) -> Self {
         fn numbers<const N: usize>(node: &Value, name: &str) -> Option<[f64; N]> {
             let list: Option<Vec<f64>> =

@@ -1,4 +1,4 @@
-//! From what MTL says to metallic-roughness materials, with their textures.
+//! Converts MTL materials to metallic-roughness materials, with their textures.
 
 use super::{
     super::{
@@ -131,7 +131,7 @@ struct Picture {
     has_alpha: bool,
 }
 
-/// What a texture is made of: numbers of pictures.
+/// The numbers of the pictures that a texture is made of.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Recipe {
     Color(usize),

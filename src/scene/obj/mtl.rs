@@ -12,7 +12,7 @@ use std::{
 /// A texture statement with the options that change the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct MtlMap {
-    /// What the file may be called, the likeliest first.
+    /// Possible names of the file, the likeliest first.
     pub names: Vec<Vec<u8>>,
     pub clamp: bool,
     /// `-bm`
@@ -20,7 +20,7 @@ pub(super) struct MtlMap {
     /// `-o` and `-s`, u and v.
     pub offset: [f32; 2],
     pub scale: [f32; 2],
-    /// `-imfchan`: what a map of single values is read from.
+    /// `-imfchan`: the channel that a map of single values is read from.
     pub channel: Option<Channel>,
 }
 
@@ -61,7 +61,7 @@ pub(super) struct Mtl {
     pub normal_map: Option<MtlMap>,
 }
 
-/// The materials of all libraries of a file. Of several with one name the first counts, as libraries
+/// The materials of all libraries of a file. If several have one name, the first counts, as libraries
 /// are searched in the order in which the file names them.
 #[derive(Default)]
 pub(super) struct Library {
@@ -89,7 +89,7 @@ impl Library {
     pub fn add(&mut self, bytes: &[u8], file: &str) -> Vec<String> {
         let text = decode(bytes);
         let before = self.materials.len();
-        // What comes before the first name, and definitions that do not count, go nowhere.
+        // Statements before the first name, and definitions that do not count, are dropped.
         let mut nowhere = Mtl::default();
         let mut current = None;
         let (mut warnings, mut twice) = (Vec::new(), None);

@@ -1,7 +1,7 @@
 //! The statements of an OBJ file.
 //!
-//! Read here and not by a crate: those at hand drop texture coordinates or normals that only some
-//! corners have, cut concave polygons into fans and cannot say which line is at fault.
+//! No crate reads them, because the existing crates drop texture coordinates or normals that only some corners
+//! have, cut concave polygons into fans and cannot name the line of a fault.
 
 use super::{
     colors,
@@ -51,7 +51,7 @@ pub(super) struct Obj {
     pub groups: Vec<Group>,
     /// Names after `usemtl`.
     pub materials: Vec<Vec<u8>>,
-    /// What stands after `mtllib`, each text once.
+    /// The texts after `mtllib`, each once.
     pub libraries: Vec<Vec<u8>>,
     pub warnings: Vec<String>,
 }

@@ -1,8 +1,8 @@
 //! Polygons to triangles.
 //!
-//! By cutting ears (Meisters 1975), with every corner kept: polygons beside each other share all their
-//! corners, and one that left some out would not meet its neighbour. Libraries for this drop corners
-//! on straight edges.
+//! It cuts ears (Meisters 1975) and keeps every corner: neighbouring polygons share all corners of an edge, and
+//! a polygon that left some out would not meet its neighbour. Existing libraries drop corners on straight
+//! edges.
 //!
 //! A hole is joined to the outline by a bridge: two edges along each other, whose corners the outline
 //! has twice. Corners at the same place therefore do not block an ear.
@@ -51,7 +51,7 @@ fn area(points: &[DVec2], [a, b, c]: [usize; 3]) -> f64 {
     (points[b] - points[a]).perp_dot(points[c] - points[a])
 }
 
-/// What is left of a polygon while its ears are cut.
+/// The rest of a polygon while its ears are cut.
 struct Outline<'a> {
     points: &'a [DVec2],
     next: Vec<usize>,

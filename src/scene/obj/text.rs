@@ -73,7 +73,7 @@ pub(super) fn without_comment(text: &[u8]) -> &[u8] {
     trim(&text[..end])
 }
 
-/// What is between the quotes that `text` begins with, or all of it.
+/// The text between the quotes that `text` begins with, or all of it.
 pub(super) fn unquoted(text: &[u8]) -> &[u8] {
     let Some(inner) = text.strip_prefix(b"\"") else { return text };
     let end = inner.iter().position(|&b| b == b'"').unwrap_or(inner.len());

@@ -1,9 +1,9 @@
 //! Built-in variables: which of the kernel's variables each one is.
 //!
-//! A pass has one view, one layer, one viewport and one sample per pixel, so what asks for their
-//! numbers gets the constant that the device's own pipeline would give. Everything else is a
-//! variable of the kernel, named `tw_` and the GLSL name without `gl_`; a kernel that lacks it makes
-//! the shader a refusal.
+//! A pass has one view, one layer, one viewport and one sample per pixel. So a built-in that is the number of
+//! one of these becomes the constant that the device's own pipeline would give. Every other built-in is a
+//! variable of the kernel, named `tw_` and the GLSL name without `gl_`; if the kernel has no such variable,
+//! the shader is refused.
 
 use crate::shader::{Stage, module::Outcome};
 use rspirv::spirv::BuiltIn;

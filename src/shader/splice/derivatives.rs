@@ -19,7 +19,7 @@ use rspirv::{
     spirv::{Capability, Dim, ExecutionMode, GlslStd450Op, ImageOperands, Op, Word},
 };
 
-/// Lowers what takes derivatives.
+/// Lowers the instructions that take derivatives.
 pub(super) fn lower(
     linker: &mut Linker,
     hooks: &Hooks,

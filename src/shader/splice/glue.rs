@@ -1,12 +1,12 @@
-//! The bodies of the stubs: `tw_user_bind`, what one draw needs once, `tw_user_bind_instance` and
-//! `tw_user_bind_inputs`, what one instance and one triangle need once, and `tw_user_main`, what comes
-//! before and after the user's entry point.
+//! Writes the bodies of the stubs. `tw_user_bind` does the work that a draw needs once; `tw_user_bind_instance`
+//! and `tw_user_bind_inputs` do the work that an instance and a triangle need once. `tw_user_main` calls the
+//! user's entry point, with the work before and after it.
 //!
-//! Binding: the table indices of the draw's resources, what is brought over from uniform blocks, and
-//! the vertex attributes or the triangle's varyings that will be read. Calling: first the initial values of the user's variables
-//! (a kernel may call the stub many times), built-ins, and inputs, location by location through the
-//! kernel's hooks. Then the user's code. Then outputs, as bits. Compilers drop what the user's code
-//! does not read.
+//! The bind stubs fetch the table indices of the draw's resources, the prefetched words of uniform blocks, and
+//! the vertex attributes or the triangle's varyings that the shader reads. `tw_user_main` first sets the user's
+//! variables to their initial values (a kernel may call the stub many times), then the built-ins, then the
+//! inputs, location by location through the kernel's hooks. Then it calls the user's code and hands on the
+//! outputs, as bits. Compilers drop the inputs that the user's code does not read.
 
 use super::{
     builtins::Source,

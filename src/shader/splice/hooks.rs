@@ -1,10 +1,11 @@
 //! The kernel's side of the seam: functions and variables whose names begin with `tw_`.
 //!
-//! A kernel is ordinary GLSL. It calls the empty functions called `tw_user_`, whose bodies are replaced, and defines what those bodies will need. glslang names functions with their parameter types
-//! (`tw_ddx(vf2;`), takes `const in` parameters by value, and drops functions that nothing calls, so
-//! a kernel's stubs call every hook once.
+//! A kernel is ordinary GLSL. It calls the functions whose names begin with `tw_user_`: stubs whose bodies the
+//! splicer replaces. It also defines the hooks that the new bodies need. glslang names functions with their
+//! parameter types (`tw_ddx(vf2;`), takes `const in` parameters by value, and drops functions that nothing
+//! calls; so a kernel's stubs call every hook once.
 //!
-//! | hook | stage | what it is |
+//! | hook | stage | meaning |
 //! |---|---|---|
 //! | `void tw_user_bind()` | both | the stub that the kernel calls when another draw begins |
 //! | `void tw_user_bind_inputs()` | fragment | the stub that the kernel calls when another triangle begins |
@@ -13,11 +14,11 @@
 //! | `uint tw_resource(const in uint i)` | both | table index of the shader's resource `i` |
 //! | `uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)` | both | four words, none after `last`, of the buffer in a slot of the table |
 //! | `void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value)` | both | takes an output's bits |
-//! | `void tw_bind_attribute(const in uint location)` | vertex | an attribute that will be read |
+//! | `void tw_bind_attribute(const in uint location)` | vertex | prepares an attribute that will be read |
 //! | `void tw_bind_instance_attribute(const in uint location)` | vertex | the same, for another instance |
 //! | `vec4 tw_attribute_float(const in uint location)` | vertex | an attribute as floats |
 //! | `uvec4 tw_attribute_uint(const in uint location)` | vertex | an integer attribute's bits |
-//! | `void tw_bind_inputs(const in uint location)` | fragment | inputs at `location`, which is even, and the one after it, of which one or both will be read |
+//! | `void tw_bind_inputs(const in uint location)` | fragment | fetches the inputs at `location`, which is even, and at the location after it; one or both will be read |
 //! | `vec4 tw_input_smooth(const in uint location)` | fragment | interpolated with perspective |
 //! | `vec4 tw_input_noperspective(const in uint location)` | fragment | interpolated on the screen |
 //! | `uvec4 tw_input_flat(const in uint location)` | fragment | the provoking vertex's bits |

@@ -1,9 +1,10 @@
 //! The user's declarations and functions, brought over into the kernel.
 //!
-//! Every id gets a new one. What was part of a pipeline's interface becomes something that a
-//! compute kernel may have: inputs and outputs are private variables, uniform and push-constant
-//! blocks are storage buffers, resources are elements of the table (see [`super::resources`]), and
-//! built-ins are the kernel's own variables. Only what the entry point reaches comes along.
+//! Every id gets a new one. Declarations that belong to a graphics pipeline become declarations that a
+//! compute kernel may have: inputs and outputs become private variables, uniform and push-constant blocks
+//! become storage buffers, resources become elements of the table (see [`super::resources`]), and built-ins
+//! become the kernel's own variables. Only declarations and functions that the entry point reaches are
+//! imported.
 
 use super::{
     SpliceOptions,
@@ -34,7 +35,7 @@ pub(super) struct Port {
     pub ty: Word,
     /// `out`.
     pub output: bool,
-    /// What it is.
+    /// Its content.
     pub kind: PortKind,
 }
 
@@ -45,7 +46,7 @@ impl Port {
     }
 }
 
-/// What crosses through a [`Port`].
+/// The content of a [`Port`].
 pub(super) enum PortKind {
     /// A built-in that the glue code copies.
     BuiltIn(BuiltIn, Source),
@@ -55,7 +56,7 @@ pub(super) enum PortKind {
     Leaves(Vec<interface::Leaf>),
 }
 
-/// What was brought over.
+/// The result of the import.
 pub(super) struct Imported {
     /// The user's functions.
     pub functions: Vec<Function>,
@@ -384,7 +385,7 @@ impl Importer<'_, '_> {
                 let target = self.id(target);
                 self.linker.decorate(target, Decoration::Block, &[]);
             }
-            // Of a struct, only the interface's part goes; members may have a precise type.
+            // A struct loses only its decorations for the interface; members may have a precise type.
             let of_interface = ports.contains(&target)
                 && (instruction.class.opcode == Op::Decorate || *decoration == Decoration::Offset);
             let spec_id = instruction.operands.get(2).filter(|_| *decoration == Decoration::SpecId);
@@ -480,7 +481,7 @@ impl Importer<'_, '_> {
     }
 }
 
-/// What a storage class of the user's becomes.
+/// The kernel's storage class for one of the user's.
 fn storage_class(class: StorageClass) -> Outcome<StorageClass> {
     match class {
         StorageClass::Input | StorageClass::Output | StorageClass::Private => {

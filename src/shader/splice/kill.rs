@@ -1,15 +1,14 @@
 //! `discard`: the invocation becomes a helper and leaves the innermost loop or selection.
 //!
-//! In a graphics pipeline a killed invocation is gone, yet on every device the others of its quad
-//! still take derivatives with it: `if (alpha < cut) discard; texture(…)` is everyday code. In a
-//! kernel a lane that returned would leave garbage to its neighbours. So `OpKill` and
-//! `OpTerminateInvocation` become what `demote` is: the helper flag is set and the lane goes on, where
-//! the construct around it ends. Out of a loop it goes for good, since a loop's only exit may have
-//! been the `discard`.
+//! In a graphics pipeline a killed invocation ends, but on every device the other invocations of its quad
+//! still take derivatives with it: `if (alpha < cut) discard; texture(…)` is everyday code. If a lane of a
+//! kernel returned instead, its neighbours would take derivatives with garbage. So `OpKill` and
+//! `OpTerminateInvocation` are lowered like `demote`: the helper flag is set, and the lane continues behind
+//! the construct around it. If that is a loop, the lane leaves the loop for good, since the `discard` may have
+//! been the loop's only exit.
 //!
-//! The new edge may go around the definition of a value that is used after the construct; such values
-//! get their way through a variable ([`super::repair`]). What they hold for the helper does not
-//! matter.
+//! The new edge may bypass the definition of a value that is used after the construct. Such a value is then
+//! passed through a variable ([`super::repair`]); its content does not matter for the helper.
 //!
 //! (Rejected: returning at once, for the garbage; refusing modules that need repair, since every
 //! optimizer makes them.)
@@ -120,7 +119,7 @@ fn lower_function(linker: &mut Linker, function: &mut Function, helper: Word) ->
     for (target, from) in arrivals {
         arrive(linker, function, target, &from)?;
     }
-    // What no way led to may be reached now.
+    // A block that was unreachable may be reachable now.
     for block in &mut function.blocks {
         let unreachable = |i: &Instruction| i.class.opcode == Op::Unreachable;
         if block.instructions.last().is_some_and(unreachable) {
@@ -153,7 +152,7 @@ fn leave(linker: &mut Linker, result: Word) -> Vec<Instruction> {
     vec![Instruction::new(Op::ReturnValue, None, None, vec![id(zero)])]
 }
 
-/// Tells the phis of `target` what they are for lanes that come from the blocks `from`.
+/// Gives the phis of `target` values for lanes that come from the blocks `from`.
 fn arrive(
     linker: &mut Linker,
     function: &mut Function,

@@ -1,26 +1,26 @@
-//! What a user's module may declare: lists of what is handled, everything else is refused.
+//! Lists of the declarations that a user's module may have. Everything that is not on a list is refused.
 //!
-//! SPIR-V grows by capabilities, and each may change what known instructions mean. So an unknown
-//! one is an error that names it, and the same holds for extensions, execution modes and
-//! decorations. What is on a list is kept for the compute kernel, replaced, or dropped because the
-//! splicer has lowered what it stands for.
+//! SPIR-V grows by capabilities, and each may change the meaning of known instructions. So an unknown
+//! capability is an error that names it; the same holds for extensions, execution modes and decorations. A
+//! declaration on a list is kept for the compute kernel, replaced, or dropped because the splicer has lowered
+//! the feature that it stands for.
 
 use rspirv::spirv::{Capability, Decoration, ExecutionMode};
 
-/// What becomes of a declared capability.
+/// How a declared capability is handled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fate {
-    /// The kernel declares it too. Whether the device has what it needs is asked of the kernel.
+    /// The kernel declares it too. The device is checked for it when the kernel is made.
     Keep,
     /// The kernel declares another one.
     Replace(Capability),
-    /// It means nothing in a kernel: what it stands for is lowered, or refused where it is used.
+    /// It means nothing in a kernel: the feature is lowered, or refused where it is used.
     Drop,
     /// Out of reach.
     Refuse,
 }
 
-/// What becomes of `capability`.
+/// How `capability` is handled.
 pub(super) fn capability(capability: Capability) -> Fate {
     use Capability as C;
     use Fate::{Drop, Keep, Refuse, Replace};
@@ -128,8 +128,8 @@ pub(super) fn extension(name: &str) -> Option<bool> {
     }
 }
 
-/// Whether the engine does what an execution mode asks for. Early tests and depth are reflected;
-/// the promises about written depth need nothing.
+/// Whether the engine supports an execution mode. Reflection reports early tests and written depth; the
+/// promises about written depth need no support.
 pub(super) fn execution_mode(mode: ExecutionMode) -> bool {
     matches!(
         mode,

@@ -2,8 +2,8 @@
 //! added.
 //!
 //! SPIR-V allows each plain type to be declared once, so declarations go through [`Linker::declare`],
-//! which returns the one that is there. Structs, decorated arrays, variables and specialization
-//! constants are what they are by identity and are never merged.
+//! which returns an existing declaration if there is one. Structs, decorated arrays, variables and
+//! specialization constants have an identity of their own and are never merged.
 
 use crate::shader::module::Outcome;
 use rspirv::{
@@ -22,7 +22,7 @@ pub(super) fn literal(value: u32) -> Operand {
     Operand::LiteralBit32(value)
 }
 
-/// The kernel, and what is added to it.
+/// The kernel with everything that is added to it.
 pub(super) struct Linker {
     /// The module so far.
     pub module: Module,
@@ -270,7 +270,7 @@ impl Linker {
     }
 }
 
-/// Whether SPIR-V wants, or allows, declarations of this operation with equal operands to be one.
+/// Whether SPIR-V requires or allows that declarations of this operation with equal operands are merged.
 pub(super) fn has_one_declaration(op: Op) -> bool {
     !matches!(
         op,

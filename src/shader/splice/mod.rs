@@ -2,10 +2,10 @@
 //!
 //! The kernel is ordinary GLSL, compiled ahead of time, with empty functions called `tw_user_…`
 //! and hooks that know where inputs come from and outputs go (the hooks are listed in
-//! `hooks.rs`). The user's module is brought over into the kernel's, declaration by declaration; what
-//! belongs to a graphics pipeline is turned into what compute has; and the stubs get bodies that bring
-//! what a draw needs once, fetch inputs, call the user's `main` and hand on its outputs. The user's
-//! arithmetic is not touched.
+//! `hooks.rs`). The user's module is imported into the kernel's, declaration by declaration. Features of a
+//! graphics pipeline are replaced by features of compute. The stubs get bodies that fetch the data that a draw
+//! needs once, fetch inputs, call the user's `main` and hand on its outputs. The user's arithmetic is not
+//! touched.
 //!
 //! In order: `import`, then over the user's functions `specialize`, `prefetch`, `resources`,
 //! `fragment`, `kill`, `derivatives`, `guard`, `nonuniform`, then `glue`, then `order`.
@@ -14,8 +14,8 @@
 //! clashes and on derivatives, whose types only a compiler knows; the GLSL compiler links no libraries;
 //! going back to GLSL and compiling again costs ten times as much per pipeline.
 //!
-//! What is out of reach is refused with a sentence that names it. The lists in `limits` are of what
-//! is handled: an unknown capability, decoration or built-in is an error.
+//! A feature that cannot be spliced is refused with a sentence that names it. The lists in `limits` are of the
+//! supported features: an unknown capability, decoration or built-in is an error.
 
 mod builtins;
 mod derivatives;
@@ -66,12 +66,12 @@ pub enum Derivatives {
 pub enum Blocks {
     /// From the block, each time. Right where registers are few and equal addresses are cheap: GPUs.
     InPlace,
-    /// From private variables that are filled when the kernel binds a draw (see `prefetch.rs`). Right
-    /// where every lane fetches for itself: CPUs.
+    /// From private variables that are filled when the kernel binds a draw (see `prefetch.rs`). This is
+    /// faster on CPUs, where every lane fetches for itself.
     Prefetched,
 }
 
-/// What splicing depends on beside kernel and shader.
+/// The options of splicing, beside kernel and shader.
 #[derive(Clone, Copy, Debug)]
 pub struct SpliceOptions<'a> {
     /// How the kernel gets derivatives.
@@ -93,7 +93,7 @@ pub struct Spliced {
 /// Splices `shader` into `kernel`, the SPIR-V of one of the engine's kernels.
 ///
 /// # Errors
-/// [`Error::Shader`] that names the shader and what is out of reach.
+/// [`Error::Shader`] that names the shader and the feature that cannot be spliced.
 pub fn splice(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Result<Spliced> {
     let spirv = link(kernel, shader, options).map_err(|e| Error::shader(&shader.label, e))?;
     Ok(Spliced { spirv })

@@ -1,9 +1,9 @@
 //! Marks accesses to the table as non-uniform.
 //!
 //! Lanes of one subgroup may belong to different draws, so a table index may differ between them.
-//! Vulkan wants the operand that names the resource decorated then: the pointer of a load, store or
-//! atomic, the image or sampler of an image instruction, and what these are made from. The mark
-//! follows values from the table's variables through chains, loads, combinations and function
+//! Then Vulkan requires a decoration on the operand that names the resource: the pointer of a load, store or
+//! atomic, the image or sampler of an image instruction, and the values that these are made from. The
+//! decoration follows values from the table's variables through chains, loads, combinations and function
 //! parameters.
 
 use super::{linker::Linker, resources::Element};

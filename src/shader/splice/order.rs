@@ -1,8 +1,8 @@
-//! Puts declarations in an order in which each follows what it mentions.
+//! Puts declarations in an order in which each follows the ones that it refers to.
 //!
-//! Types and constants are declared when they are first needed, while SPIR-V wants definitions
-//! before uses. A pointer that `OpTypeForwardPointer` announces may be mentioned by structs before it
-//! is declared.
+//! The splicer declares types and constants when it first needs them, but SPIR-V requires definitions
+//! before uses. A struct may refer to a pointer before its declaration if `OpTypeForwardPointer` announces the
+//! pointer.
 
 use crate::shader::module::ids;
 use rspirv::{
@@ -11,7 +11,7 @@ use rspirv::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// Sorts `declarations`; what is in order stays as it is.
+/// Sorts `declarations`. Declarations that are in order keep their order.
 pub(super) fn sort(declarations: Vec<Instruction>) -> Vec<Instruction> {
     let positions: HashMap<Word, usize> = (declarations.iter().enumerate())
         .filter_map(|(n, i)| i.result_id.map(|id| (id, n)))
@@ -36,7 +36,7 @@ pub(super) fn sort(declarations: Vec<Instruction>) -> Vec<Instruction> {
     let first = (0..declarations.len()).filter(|&n| is_announcement(&declarations[n]));
     let rest = (0..declarations.len()).filter(|&n| !is_announcement(&declarations[n]));
     for root in first.chain(rest) {
-        // Entries are visited twice: to open what they need, then to be placed after it.
+        // Each entry is visited twice: first to visit its dependencies, then to be placed after them.
         let mut open = vec![(root, false)];
         while let Some((n, ready)) = open.pop() {
             if ready {

@@ -2,13 +2,13 @@
 //!
 //! A block in the engine's table is found through an index that the draw decides. CPU drivers fetch
 //! each word of it lane by lane, through a descriptor that may differ from lane to lane, and a common
-//! material reads eighty for every fragment. Kernels run the user's code many times for one draw; so
-//! what it reads at places that are known in advance is brought into private variables when the kernel
-//! binds a draw (`tw_user_bind`), and its code reads those. The kernel's hook brings four words at a
-//! time: where the lanes of a quad are of one draw, each of them fetches one.
+//! material reads eighty words for every fragment. Kernels run the user's code many times for one draw. So
+//! values at places that are known in advance are copied to private variables when the kernel binds a draw
+//! (`tw_user_bind`), and the user's code reads these. The kernel's hook fetches four words at a time: the
+//! lanes of a quad belong to one draw, and each of them fetches one word.
 //!
-//! Only scalars, vectors and matrices of 32-bit numbers that are read as a whole are brought; what is
-//! indexed at run time stays where it is.
+//! Only scalars, vectors and matrices of 32-bit numbers that are read as a whole are copied; values that are
+//! indexed at run time are read from the block.
 
 use super::{
     hooks::Hooks,
@@ -25,9 +25,9 @@ use rspirv::{
 };
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-/// Words that are brought, at most: private variables are registers, or memory of a lane.
+/// The most words that are copied: private variables are registers, or memory of a lane.
 const MAX_WORDS: usize = 384;
-/// Words that the kernel's hook brings at once.
+/// Words that the kernel's hook fetches at once.
 const AT_ONCE: u32 = 4;
 
 /// A variable and the constant indices of a part of it.
@@ -41,7 +41,7 @@ struct Part {
     stand_in: Word,
 }
 
-/// Makes the user's functions read private variables, and returns what fills them. `indices` are the
+/// Makes the user's functions read private variables, and returns the code that fills these. `indices` are the
 /// variables that hold the table index of each of `elements`.
 pub(super) fn prefetch(
     linker: &mut Linker,

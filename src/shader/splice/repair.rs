@@ -1,8 +1,8 @@
 //! Restores SPIR-V's rule that definitions dominate their uses after edges were added.
 //!
-//! A value whose uses are not dominated any more is stored in a function variable where it is
-//! defined and loaded where it is used. Pointers, images and samplers cannot be stored; they are
-//! computed again from what they were made of, which is pure.
+//! If a value no longer dominates all its uses, it is stored in a function variable where it is defined and
+//! loaded where it is used. Pointers, images and samplers cannot be stored; they are computed again from
+//! their operands, which has no side effects.
 
 use super::{
     flow::{self, Flow},

@@ -3,9 +3,11 @@
 //! All resources of all draws live in descriptor set 1, one run-time array per kind. The user's
 //! variable keeps its place in the code and becomes a variable of such an array; each use selects
 //! the element of the current draw, `table[tw_resource(i) + index]`, where `index` is the user's own
-//! index into an array of resources, flattened. The call is made when the kernel binds a draw; several variables may share a binding of the table, each with its own type.
+//! index into an array of resources, flattened. The call is made when the kernel binds a draw. Several
+//! variables may share a binding of the table, each with its own type.
 //!
-//! Draws meet in a subgroup, so every access is marked as non-uniform (see [`super::nonuniform`]).
+//! Lanes of one subgroup may belong to different draws, so every access is marked as non-uniform (see
+//! [`super::nonuniform`]).
 
 use super::linker::{Code, Linker, id};
 use crate::shader::{
@@ -36,8 +38,8 @@ pub(super) struct Element {
     read_only: bool,
 }
 
-/// What the user's variable becomes, with the user's ids. `kind` is what lies at its place, `None` for
-/// the push-constant block.
+/// The table variable that replaces the user's variable, with the user's ids. `kind` is the kind of its resource,
+/// `None` for the push-constant block.
 pub(super) fn element(
     index: &Index,
     class: StorageClass,

@@ -1,9 +1,8 @@
 //! Functions that take an array of resources, made for the very array they are given.
 //!
-//! A resource that is part of the engine's table cannot be pointed to as an array: the draw's array is
-//! a stretch of a longer one. So a call that passes one goes to a copy of the function in which the
-//! parameter is the variable itself. Copies may call on, with the array, so this goes on until no call
-//! passes one.
+//! No pointer can stand for a draw's array of resources: the array is a range of the engine's longer table. So a
+//! call that passes such an array goes to a copy of the function in which the parameter is the variable itself.
+//! A copy may pass the array on in calls of its own, so this is repeated until no call passes one.
 
 use super::linker::{Linker, id};
 use crate::shader::module::{Outcome, ids};

@@ -2,9 +2,9 @@
 //!
 //! The rules are those that splicing could break: every id is defined, once, before it is used on
 //! every way; phis name their predecessors; calls, loads and stores fit their types; the entry point
-//! lists all variables; and nothing is left that a compute kernel may not have. Whatever else a
-//! module must obey, the user's compiler and ours already did. The test suite holds `spirv-val`
-//! against the same modules; this check is what a machine without it has.
+//! lists all variables; and nothing is left that a compute kernel may not have. The user's compiler and ours
+//! already follow all other rules. The test suite runs `spirv-val` on the same modules; this check serves
+//! machines without it.
 
 use super::flow::Flow;
 use crate::shader::module::{self, Index, Outcome, ids};
@@ -14,7 +14,7 @@ use rspirv::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// Checks the words of a spliced module; the error says what is wrong.
+/// Checks the words of a spliced module; the error names the fault.
 pub(crate) fn verify(words: &[u32]) -> Outcome<()> {
     let module = module::parse(words)?;
     let index = Index::new(&module);

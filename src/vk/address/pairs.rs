@@ -8,7 +8,7 @@
 //! step to a member or an element adds a known offset or a multiple of a known stride. The largest
 //! power of two that divides all of them divides the address.
 
-use super::{ADDRESS_BYTES, Pass};
+use super::{ADDRESS_BYTES, Rewriter};
 use rspirv::{
     dr::{Instruction, Operand},
     spirv::{Capability, Decoration, MemoryAccess, Op, StorageClass, Word},
@@ -42,7 +42,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub fn new(pass: &Pass) -> Self {
+    pub fn new(rewriter: &Rewriter) -> Self {
         let member = |i: &Instruction| match i.operands.as_slice() {
             &[
                 Operand::IdRef(ty),
@@ -53,13 +53,13 @@ impl Layout {
             _ => None,
         };
         Self {
-            offsets: pass.module.annotations.iter().filter_map(member).collect(),
-            strides: pass.decorations(Decoration::ArrayStride),
+            offsets: rewriter.module.annotations.iter().filter_map(member).collect(),
+            strides: rewriter.decorations(Decoration::ArrayStride),
         }
     }
 }
 
-impl Pass {
+impl Rewriter {
     /// The start of a block of type `ty`, or of a buffer of the resource table.
     pub(super) fn block_start(ty: Word, of_table: bool) -> Place {
         Place { ty, multiple: if of_table { TABLE_BUFFER_BYTES } else { PAIR_BYTES } }

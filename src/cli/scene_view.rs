@@ -1,8 +1,8 @@
-//! From what is to be seen to a [`Pass`]: the scene is read, the camera found, the draws recorded.
+//! Makes a [`Pass`] of a scene and a camera: reads the scene, finds the camera, records the draws.
 
 use super::{
+    messages,
     plan::{CameraChoice, SceneName, View},
-    talk,
 };
 use crate::{
     error::{Error, Result},
@@ -19,42 +19,42 @@ const DEFAULT_FOV: f64 = 45.0;
 const LISTED: usize = 20;
 
 /// A scene as one camera sees it.
-pub struct Shot {
+pub struct SceneView {
     /// The scene.
     pub scene: Scene,
     /// Its draws.
     pub pass: Pass,
-    /// Whether something behind the scene shows through: its picture is premultiplied then.
+    /// Whether the background is translucent. The drawn picture is then premultiplied by alpha.
     translucent: bool,
 }
 
-impl Shot {
-    /// Reads the scene and records its pass; warnings are said on standard error.
+impl SceneView {
+    /// Reads the scene and records its pass. Warnings go to standard error.
     ///
     /// # Errors
     /// Those of [`Scene`]; [`Error::Usage`] for a camera that the scene does not have.
     pub fn new(view: &View) -> Result<Self> {
         let scene = {
-            let _working = talk::working_on(format_args!("reading {}", view.scene));
+            let _working = messages::working_on(format_args!("reading {}", view.scene));
             match &view.scene {
                 SceneName::Builtin(name) => Scene::builtin(name)?,
                 SceneName::File(path) => Scene::load(path, &LoadOptions { time: view.time })?,
             }
         };
         for warning in scene.warnings() {
-            talk::line(format_args!("warning: {warning}"));
+            messages::line(format_args!("warning: {warning}"));
         }
         let camera = camera(&scene, view)?;
         let mut options =
             PassOptions { background: view.background.map(linear), ..Default::default() };
         let translucent = view.background.is_some_and(|[.., alpha]| alpha < 255);
         if translucent {
-            // What is divided by alpha later needs more than 8 bits.
+            // The colours are divided by alpha later, which needs more than 8 bits.
             options.format = Format::Rgba16Float;
         }
         let pass = scene.pass(view.extent, &camera, &options)?;
         if pass.draws.is_empty() && scene.triangles() > 0 {
-            talk::line("warning: the camera sees nothing of the scene");
+            messages::line("warning: the camera sees nothing of the scene");
         }
         Ok(Self { scene, pass, translucent })
     }

@@ -1,4 +1,4 @@
-//! Everything said on standard error: the device, warnings, progress, faults.
+//! Everything that is written to standard error: the device, warnings, progress, faults.
 //!
 //! A closed or full standard error must not end a run, so lines are written without the macros that
 //! panic. Progress is drawn on a terminal only; `indicatif` hides it anywhere else.
@@ -20,8 +20,8 @@ static PROGRESS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 /// Whether `--quiet` was given.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// With `quiet`, neither progress nor notes are shown from now on. Warnings and errors are: whoever wants
-/// less noise still wants to know that a picture is not the one that was asked for.
+/// With `quiet`, progress and notes are no longer shown. Warnings and errors still are: a user who wants less
+/// noise still has to know that a picture is not the requested one.
 pub fn set_quiet(quiet: bool) {
     QUIET.store(quiet, Ordering::Relaxed);
     if quiet {
@@ -36,19 +36,19 @@ pub fn line(text: impl Display) {
     });
 }
 
-/// Writes one line that `--quiet` leaves out: it says what is being done.
+/// Writes one line about the work in progress, unless `--quiet` was given.
 pub fn note(text: impl Display) {
     if !QUIET.load(Ordering::Relaxed) {
         line(text);
     }
 }
 
-/// Does `what` between two drawings of the progress, so that a terminal can show what it writes.
+/// Calls `what` between two drawings of the progress, so that a terminal shows its output undisturbed.
 pub fn around<R>(what: impl FnOnce() -> R) -> R {
     PROGRESS.suspend(what)
 }
 
-/// A spinner with what is being done; it disappears on drop.
+/// A spinner with a description of the work; it disappears on drop.
 pub fn working_on(what: impl Display) -> Working {
     let bar = PROGRESS.add(ProgressBar::new_spinner());
     if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} ({elapsed})") {
@@ -78,12 +78,12 @@ impl Working {
         self.0.set_position(steps);
     }
 
-    /// Says what is being done now.
+    /// Replaces the description of the work.
     pub fn say(&self, what: impl Display) {
         self.0.set_message(what.to_string());
     }
 
-    /// Says how many steps there are, where that was not known at the start.
+    /// Sets the number of steps, if it was not known at the start.
     pub fn out_of(&self, steps: u64) {
         self.0.set_length(steps);
     }
@@ -95,7 +95,7 @@ impl Drop for Working {
     }
 }
 
-/// Prints the library's warnings and errors as lines; `TILEWRIGHT_LOG` takes another level.
+/// Prints the library's warnings and errors as lines; `TILEWRIGHT_LOG` sets another level.
 struct Logger;
 
 impl log::Log for Logger {
@@ -122,7 +122,7 @@ pub fn install() {
     }
     if level.is_err() && !typed.is_empty() {
         log::warn!(
-            "TILEWRIGHT_LOG=`{typed}` is no level; there are off, error, warn, info, debug and trace"
+            "TILEWRIGHT_LOG=`{typed}` is not a level; the levels are off, error, warn, info, debug and trace"
         );
     }
     std::panic::set_hook(Box::new(|panic| {
