@@ -174,15 +174,21 @@ pub(super) fn rounds(
             by_classic.push(classic()?);
             by_compute.push(compute()?);
         }
-        let of_both = by_compute.iter().zip(&by_classic);
-        let times: Vec<_> = of_both.map(|(compute, classic)| (compute.ms, classic.ms)).collect();
-        let ratio = Ratio::new(&times);
+        let ratio = || {
+            let of_both = by_compute.iter().zip(&by_classic);
+            Ratio::new(
+                &of_both.map(|(compute, classic)| (compute.ms, classic.ms)).collect::<Vec<_>>(),
+            )
+        };
+        let count = by_compute.len();
+        // A ratio sorts all rounds: it is made in each of them only where it decides how many there are.
         let done = match settings.rounds {
-            Some(rounds) => times.len() as f64 / rounds as f64,
-            None => done(times.len(), started.elapsed(), settings.budget, ratio),
+            Some(rounds) => count as f64 / rounds as f64,
+            None => done(count, started.elapsed(), settings.budget, ratio()),
         };
         progress(done.min(1.0));
         if done >= 1.0 {
+            let ratio = ratio();
             return Ok(Rounds { compute: side(&by_compute), classic: side(&by_classic), ratio });
         }
     }
@@ -254,6 +260,16 @@ mod tests {
         assert_eq!(*order.borrow(), "kc kc ck kc".replace(' ', ""));
         assert_eq!((found.compute.samples.len(), found.classic.samples.len()), (3, 3));
         assert_eq!((found.compute.device_ms, found.compute.cpu_ms), (None, None));
+    }
+
+    /// As many as `--rounds` may ask for: the ratio is made once, at the end.
+    #[test]
+    fn a_hundred_thousand_rounds_have_their_ratio() {
+        let frame = |ms| Ok(Frame { ms, device_ns: 0, cpu_ms: None });
+        let settings = settings(Some(100_000), 0);
+        let found = rounds(&settings, &mut || frame(1.0), &mut || frame(2.0), &mut |_| {}).unwrap();
+        assert_eq!(found.compute.samples.len(), 100_000);
+        assert_eq!(found.ratio, Some(Ratio { value: 2.0, interval: Some([2.0, 2.0]) }));
     }
 
     #[test]

@@ -12,6 +12,19 @@ use std::time::Instant;
 /// Frames in which stages are timed.
 const FRAMES: usize = 5;
 
+/// Every stage of compute's frame by its label, in the pipeline's order.
+pub const STAGES: [&str; 9] = [
+    "clear",
+    "vertex",
+    "primitive",
+    "binning_scan",
+    "binning_scatter",
+    "binning_sort",
+    "raster",
+    "shade",
+    "ordered",
+];
+
 /// A stage's part of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StageTime {

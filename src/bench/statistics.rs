@@ -33,15 +33,17 @@ pub fn interval(samples: &mut [f64]) -> Option<[f64; 2]> {
 }
 
 /// The largest `k` with `P(B < k) <= 2.5 %`, `B` binomial with `n` trials at one half.
+///
+/// The probabilities are kept as logarithms: that of no success is 0 in 64 bits from 1075 trials on.
 fn rank(n: usize) -> Option<usize> {
-    let (mut probability, mut below) = (0.5f64.powi(n as i32), 0.0);
+    let (mut ln_probability, mut below) = (n as f64 * 0.5f64.ln(), 0.0);
     let mut k = 0;
-    while k <= n {
-        below += probability;
+    while k < n {
+        below += ln_probability.exp();
         if below > 0.025 {
             break;
         }
-        probability *= (n - k) as f64 / (k + 1) as f64;
+        ln_probability += ((n - k) as f64 / (k + 1) as f64).ln();
         k += 1;
     }
     (k > 0).then_some(k)
@@ -180,6 +182,26 @@ mod tests {
             assert_eq!(rank(n), expected, "{n}");
         }
         assert!((0..MIN_SAMPLES).all(|n| rank(n).is_none()));
+    }
+
+    #[test]
+    fn ranks_of_many_samples_are_known_too() {
+        // Exact, by integers of any size.
+        let exact = [
+            (200, 86),
+            (1000, 469),
+            (1074, 505),
+            (1075, 505),
+            (1076, 506),
+            (5000, 2431),
+            (100_000, 49_690),
+        ];
+        for (n, expected) in exact {
+            assert_eq!(rank(n), Some(expected), "{n}");
+            let mut samples: Vec<f64> = (0..n).map(|i| i as f64).collect();
+            let ends = [expected - 1, n - expected].map(|place| place as f64);
+            assert_eq!(interval(&mut samples), Some(ends));
+        }
     }
 
     #[test]

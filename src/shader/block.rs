@@ -124,7 +124,7 @@ pub(super) fn words(index: &Index, block: Word, indices: &[Word]) -> Outcome<Vec
     Ok(words)
 }
 
-#[cfg(test)]
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use super::*;
     use crate::shader::{Shader, Stage, module};

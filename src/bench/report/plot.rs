@@ -1,7 +1,10 @@
 //! Bars and curves as SVG.
 
 use super::page::escape;
-use crate::bench::table::{number, text};
+use crate::bench::{
+    stages::STAGES,
+    table::{number, text},
+};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -40,10 +43,13 @@ pub fn stage_names(rows: &[Value]) -> Vec<String> {
         }
     }
     // The pipeline's order, where it is known: rows may begin with different stages.
-    let known = ["clear", "vertex", "primitive", "binning", "raster", "shade", "ordered"];
-    let place = |name: &String| known.iter().position(|stage| name.starts_with(stage));
-    names.sort_by_key(|name| place(name).unwrap_or(known.len()));
+    names.sort_by_key(|name| place(name));
     names
+}
+
+/// The place of a stage in the pipeline's order; one that is not known comes last.
+fn place(stage: &str) -> usize {
+    STAGES.iter().position(|known| *known == stage).unwrap_or(STAGES.len())
 }
 
 /// Which colour is which stage. Colours are the same on all rows of all pages.
@@ -63,17 +69,7 @@ pub fn stage_legend(rows: &[Value]) -> String {
 }
 
 fn stage_color(name: &str) -> &'static str {
-    let known = [
-        "clear",
-        "vertex",
-        "primitive",
-        "binning_scan",
-        "binning_scatter",
-        "raster",
-        "shade",
-        "ordered",
-    ];
-    color(known.iter().position(|stage| *stage == name).unwrap_or(known.len()))
+    color(place(name))
 }
 
 /// The frames of a row: compute's with its stages and the remainder, classic's below.
@@ -282,5 +278,31 @@ fn curve(
             "<circle cx='{at:.1}' cy='{middle:.1}' r=4 fill='{color}'><title>{}: {ratio}</title></circle>",
             escape(&p.name)
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+    use std::collections::HashSet;
+
+    #[test]
+    fn every_stage_has_its_place_and_its_colour() {
+        // Rows that begin with the last stage, and a stage that nobody knows.
+        let stages: Vec<Value> = std::iter::once("new")
+            .chain(STAGES.into_iter().rev())
+            .map(|stage| json!({ "stage": stage, "ms": 1.0 }))
+            .collect();
+        let names = stage_names(&[json!({ "compute": { "stages": stages } })]);
+        let (last, known) = names.split_last().unwrap();
+        assert!(known == STAGES && last == "new", "{names:?}");
+        let colors: HashSet<_> = names.iter().map(|name| stage_color(name)).collect();
+        assert_eq!(colors.len(), names.len());
+        // Labels are the names of the kernels' files.
+        for stage in STAGES {
+            let kernel = format!("{}/glsl/{stage}.comp", env!("CARGO_MANIFEST_DIR"));
+            assert!(std::path::Path::new(&kernel).exists(), "{kernel}");
+        }
     }
 }
