@@ -1,6 +1,6 @@
 //! Draws a triangle with the shader pair `hello.vert` and `hello.frag` beside this file.
 //!
-//! `cargo run --release --example hello` writes `hello.png`.
+//! `cargo run --release --example hello --features glsl` writes `hello.png`.
 
 use std::{error::Error, fs::File, sync::Arc};
 use tilewright::compute::Renderer;
