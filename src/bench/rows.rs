@@ -66,6 +66,10 @@ pub fn settings(settings: &Settings, seed: u64, budget_s: Option<f32>, rows: usi
     })
 }
 
+fn spread([compute, classic]: [f64; 2]) -> Value {
+    json!({ "compute": rounded(compute), "classic": rounded(classic) })
+}
+
 /// A row of the results.
 pub fn row(label: &Label, m: &Measurement, quiet: &Quiet) -> Value {
     let axes: Map<String, Value> = label
@@ -77,7 +81,8 @@ pub fn row(label: &Label, m: &Measurement, quiet: &Quiet) -> Value {
         })
         .collect();
     let reasons = quiet.reasons();
-    let verdict = |rounds: &Rounds| match (m.images_equal, reasons.is_empty()) {
+    let changing_reasons = quiet.changing_reasons();
+    let verdict = |rounds: &Rounds, reasons: &[String]| match (m.images_equal, reasons.is_empty()) {
         (false, _) => Verdict::Invalid,
         (true, false) => Verdict::Busy,
         (true, true) => rounds.verdict(),
@@ -90,7 +95,7 @@ pub fn row(label: &Label, m: &Measurement, quiet: &Quiet) -> Value {
         "size": label.extent.to_string(),
         "axes": axes,
         "images_equal": m.images_equal,
-        "verdict": verdict(&m.warm).name(),
+        "verdict": verdict(&m.warm, &reasons).name(),
         "ratio": m.warm.ratio.map(|ratio| rounded(ratio.value)),
         "ratio_interval": interval(m.warm.ratio.and_then(|ratio| ratio.interval)),
         "rounds": m.warm.compute.samples.len(),
@@ -99,12 +104,17 @@ pub fn row(label: &Label, m: &Measurement, quiet: &Quiet) -> Value {
     });
     row["changing"] = m.changing.as_ref().map_or(Value::Null, |changing| {
         json!({
-            "verdict": verdict(changing).name(),
+            "verdict": verdict(changing, &changing_reasons).name(),
             "ratio": changing.ratio.map(|ratio| rounded(ratio.value)),
             "ratio_interval": interval(changing.ratio.and_then(|ratio| ratio.interval)),
             "rounds": changing.compute.samples.len(),
             "compute": side(&changing.compute),
             "classic": side(&changing.classic),
+            "quiet": {
+                "is_quiet": changing_reasons.is_empty(),
+                "reasons": changing_reasons,
+                "spread": spread(quiet.changing_spread.unwrap_or_default()),
+            },
         })
     });
     row["quiet"] = json!({
@@ -114,7 +124,7 @@ pub fn row(label: &Label, m: &Measurement, quiet: &Quiet) -> Value {
         "others": quiet.others.map(rounded),
         "calibration_ms": quiet.calibration_ms.map(rounded),
         "drift": rounded(quiet.drift),
-        "spread": { "compute": rounded(quiet.spread[0]), "classic": rounded(quiet.spread[1]) },
+        "spread": spread(quiet.spread),
     });
     row["counts"] = json!({
         "triangles": m.counts.triangles,

@@ -105,10 +105,19 @@ pub(super) fn remarks(row: &Value) -> Vec<String> {
             d["coverage_differing"], d["winner_differing"], d["colour_over_1"], d["depth_max"],
         ));
     }
-    let reasons = row["quiet"]["reasons"].as_array().into_iter().flatten().map(text);
-    let reasons: Vec<_> = reasons.collect();
+    let reasons_of = |measured: &Value| -> Vec<String> {
+        measured["quiet"]["reasons"].as_array().into_iter().flatten().map(text).collect()
+    };
+    let reasons = reasons_of(row);
     if !reasons.is_empty() {
         remarks.push(format!("the machine was busy: {}", reasons.join("; ")));
+    }
+    // What both lines share is said once.
+    let mut changing = reasons_of(&row["changing"]);
+    changing.retain(|reason| !reasons.contains(reason));
+    if !changing.is_empty() {
+        let what = CHANGING.trim_start();
+        remarks.push(format!("the machine was busy ({what}): {}", changing.join("; ")));
     }
     remarks
 }
@@ -145,7 +154,8 @@ pub fn footer(document: &Value) -> String {
         json!({ "name": row["name"], "ratio": row["changing"]["ratio"], "images_equal": row["images_equal"] })
     }).collect();
     mean(" where everything changes", &changing);
-    let busy = rows.iter().filter(|row| row["quiet"]["is_quiet"] == false).count();
+    let is_busy = |measured: &Value| measured["quiet"]["is_quiet"] == false;
+    let busy = rows.iter().filter(|row| is_busy(row) || is_busy(&row["changing"])).count();
     if busy > 0 {
         let _ = writeln!(
             out,
@@ -318,7 +328,8 @@ mod tests {
         };
         let mut busy = row("c", "8x8", 8.0, true);
         busy["quiet"] = json!({ "is_quiet": false, "reasons": ["others", "drift"] });
-        busy["changing"] = json!({ "ratio": 0.25 });
+        busy["changing"] =
+            json!({ "ratio": 0.25, "quiet": { "reasons": ["drift", "frames vary"] } });
         let rows = [row("a, b", "4x4", 2.0, true), busy, row("d", "8x8", 100.0, false)];
         let skipped = json!([{ "name": "e", "size": "8x8", "reason": "no time" }]);
         let document = json!({
@@ -332,6 +343,7 @@ mod tests {
             "geometric mean of 1 ratio where everything changes: 0.250",
             "the pictures differ (coverage null, winner 99",
             "the machine was busy: others; drift",
+            "everything changes): frames vary",
             "1 of 3 rows were measured on a busy machine",
             "e at 8x8: not measured: no time",
             "6 to 200 rounds, about 3.0 s, after 2 frames of warm-up; seed 5",

@@ -41,11 +41,16 @@ fn a_row_says_all_there_is_and_a_page_shows_it() {
     assert_eq!(row["images_equal"], true);
     assert_eq!(row["difference"]["winner_differing"], 0);
     assert!(row["difference"]["colour_max"].is_u64());
-    let verdict = row["verdict"].as_str().unwrap();
-    assert!(VERDICTS.contains(&verdict), "{verdict}");
-    let quiet = &row["quiet"];
-    assert_eq!(quiet["is_quiet"] == false, verdict == "BUSY", "{quiet}");
-    assert_eq!(quiet["reasons"].as_array().unwrap().is_empty(), quiet["is_quiet"] == true);
+    // Each line has its own verdict, and its own reasons for BUSY.
+    for row in [row, &row["changing"]] {
+        let verdict = row["verdict"].as_str().unwrap();
+        assert!(VERDICTS.contains(&verdict), "{verdict}");
+        let quiet = &row["quiet"];
+        assert_eq!(quiet["is_quiet"] == false, verdict == "BUSY", "{quiet}");
+        assert_eq!(quiet["reasons"].as_array().unwrap().is_empty(), quiet["is_quiet"] == true);
+        assert!(quiet["spread"]["compute"].is_number(), "{quiet}");
+    }
+    let (verdict, quiet) = (row["verdict"].as_str().unwrap(), &row["quiet"]);
     assert!(quiet["calibration_ms"][1].as_f64().unwrap() > 0.0);
     assert!(quiet["drift"].as_f64().unwrap() >= 1.0);
 
