@@ -49,7 +49,9 @@ pub fn find() -> Result<String, String> {
     let out = PathBuf::from(of("OUT_DIR"));
     let system = PathBuf::from(format!("/usr/lib/{}-linux-gnu", of("CARGO_CFG_TARGET_ARCH")));
     let shared = system.join("libshaderc.so");
-    println!("cargo:rerun-if-changed={}", shared.display());
+    if let Some(line) = watch(&shared) {
+        println!("{line}");
+    }
     if links(&out, None) {
         return Ok(format!("shared {}", age(&shared)));
     }
@@ -68,6 +70,12 @@ pub fn find() -> Result<String, String> {
         return Ok(format!("static {}", age(&archives[0])));
     }
     Err(ADVICE.into())
+}
+
+/// The line that has cargo watch `file`; none if the file is not there, since cargo would take it as changed
+/// and build anew each time.
+pub fn watch(file: &Path) -> Option<String> {
+    file.exists().then(|| format!("cargo:rerun-if-changed={}", file.display()))
 }
 
 /// Whether a program that calls the library links, and runs.

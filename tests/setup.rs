@@ -7,6 +7,10 @@ use std::{
     process::{Command, Output},
 };
 
+#[path = "../glsl/shaderc.rs"]
+#[allow(dead_code)] // the build script uses the rest
+mod shaderc;
+
 fn script(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
@@ -143,4 +147,15 @@ fn the_demo_explains_itself() {
     let output = Command::new(script("demo")).arg("--help").output().unwrap();
     assert!(output.status.success());
     assert!(text(&output.stdout).contains("./demo scene.glb"), "{}", text(&output.stdout));
+}
+
+/// Cargo takes a file that is not there as changed, and would build the crate anew each time.
+#[test]
+fn only_a_library_that_is_there_is_watched() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = folder.path().join("libshaderc.so");
+    assert_eq!(shaderc::watch(&library), None);
+    fs::write(&library, "").unwrap();
+    let expected = format!("cargo:rerun-if-changed={}", library.display());
+    assert_eq!(shaderc::watch(&library), Some(expected));
 }

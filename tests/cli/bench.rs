@@ -50,7 +50,7 @@ fn a_row_says_all_there_is_and_a_page_shows_it() {
         assert_eq!(quiet["reasons"].as_array().unwrap().is_empty(), quiet["is_quiet"] == true);
         assert!(quiet["spread"]["compute"].is_number(), "{quiet}");
     }
-    let quiet = &row["quiet"];
+    let (verdict, quiet) = (row["verdict"].as_str().unwrap(), &row["quiet"]);
     assert!(quiet["calibration_ms"][1].as_f64().unwrap() > 0.0);
     assert!(quiet["drift"].as_f64().unwrap() >= 1.0);
 

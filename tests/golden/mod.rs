@@ -2,11 +2,12 @@
 //! pictures that a person has looked at. Parity cannot see faults of these: a wrong camera is wrong for both
 //! executors.
 //!
-//! A picture that differs leaves `NAME.new.png`, the new drawing, and `NAME.diff.png`, which shows the
-//! differences, beside the golden one. If you have looked at the new one and want it, accept it with
+//! A picture that differs leaves `NAME.DEVICE.new.png`, the new drawing, and `NAME.DEVICE.diff.png`, which shows
+//! the differences, beside the golden one. Each device has files of its own, and a device that draws the right
+//! picture leaves the files of the others alone. If you have looked at the new one and want it, accept it with
 //!
 //! ```sh
-//! TILEWRIGHT_GOLDEN=accept cargo test --release golden
+//! TILEWRIGHT_GOLDEN=accept cargo test --release --features glsl golden
 //! ```
 //!
 //! Pictures are written by that command alone, and never where the variable `CI` is set.
@@ -106,14 +107,15 @@ fn pictures_are_those_that_were_looked_at() {
     let accepts = accepts();
     let faults = RefCell::new(Vec::new());
     on_each_gpu("golden pictures", |gpu| {
-        let first = !gpu.info().name.contains("SwiftShader");
+        let device = device(&gpu.info().name);
+        let first = device != "swiftshader";
         for golden in all() {
             let drawn = golden.draw(gpu);
             let path = folder().join(format!("{}.png", golden.name));
             if accepts && first {
                 write(&path, &drawn);
             }
-            if let Err(fault) = compare(&golden, &path, &drawn) {
+            if let Err(fault) = compare(&golden, &path, &device, &drawn) {
                 faults.borrow_mut().push(format!(
                     "{} on {}: {fault}",
                     golden.name,
@@ -125,16 +127,26 @@ fn pictures_are_those_that_were_looked_at() {
     let faults = faults.into_inner();
     assert!(
         faults.is_empty(),
-        "{}\nLook at NAME.new.png and NAME.diff.png in {}. If the new pictures are right, accept them:\n  \
-         TILEWRIGHT_GOLDEN=accept cargo test --release golden",
+        "{}\nLook at NAME.DEVICE.new.png and NAME.DEVICE.diff.png in {}. If the new pictures are right, accept them:\n  \
+         TILEWRIGHT_GOLDEN=accept cargo test --release --features glsl golden",
         faults.join("\n"),
         folder().display()
     );
 }
 
-/// Holds `drawn` against the picture at `path`; what differs is left beside it.
-fn compare(golden: &Golden, path: &Path, drawn: &[u8]) -> Result<(), String> {
-    let [new, diff] = ["new.png", "diff.png"].map(|ending| path.with_extension(ending));
+/// A device in the names of files.
+fn device(name: &str) -> String {
+    match name {
+        _ if name.contains("SwiftShader") => "swiftshader".into(),
+        _ if name.contains("llvmpipe") => "lavapipe".into(),
+        _ => name.to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "-"),
+    }
+}
+
+/// Holds `drawn` by `device` against the picture at `path`; what differs is left beside it.
+fn compare(golden: &Golden, path: &Path, device: &str, drawn: &[u8]) -> Result<(), String> {
+    let [new, diff] =
+        ["new.png", "diff.png"].map(|ending| path.with_extension(format!("{device}.{ending}")));
     let Ok(expected) = fs::read(path) else {
         write(&new, drawn);
         return Err("there is no golden picture yet".into());
@@ -210,20 +222,30 @@ fn a_picture_that_differs_leaves_what_is_needed_to_judge_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.png");
     let golden = |rule| Golden { name: "x", rule, write: |_| String::new(), time: None };
+    let [first, second] = ["llvmpipe (LLVM 15)", "SwiftShader Device"].map(device);
     let mut drawn = vec![100; SIZE.pixels() * 4];
-    let fault = compare(&golden(Rule::Exact), &path, &drawn).unwrap_err();
+    let fault = compare(&golden(Rule::Exact), &path, &first, &drawn).unwrap_err();
     assert!(fault.contains("no golden picture"), "{fault}");
+    let exists = |name: &str| folder.path().join(name).exists();
+    assert!(exists("x.lavapipe.new.png"));
     write(&path, &drawn);
-    compare(&golden(Rule::Exact), &path, &drawn).unwrap();
-    assert!(!folder.path().join("x.new.png").exists(), "what is stale goes");
+    compare(&golden(Rule::Exact), &path, &first, &drawn).unwrap();
+    assert!(!exists("x.lavapipe.new.png"), "what is stale goes");
+    let right = drawn.clone();
     drawn[4..8].copy_from_slice(&[102, 100, 99, 100]);
-    compare(&golden(Rule::Shaded), &path, &drawn).unwrap();
-    let fault = compare(&golden(Rule::Exact), &path, &drawn).unwrap_err();
+    compare(&golden(Rule::Shaded), &path, &first, &drawn).unwrap();
+    let fault = compare(&golden(Rule::Exact), &path, &first, &drawn).unwrap_err();
     assert!(fault.contains("1 pixels") && fault.contains("difference is 2"), "{fault}");
+    let mut others = right.clone();
+    others[0] = 0;
+    compare(&golden(Rule::Exact), &path, &second, &others).unwrap_err();
+    compare(&golden(Rule::Exact), &path, &second, &right).unwrap();
+    assert!(!exists("x.swiftshader.new.png") && !exists("x.swiftshader.diff.png"));
+    // What the second device drew touches nothing that the first left.
     let left =
         |name: &str| crate::cli::tool::decode(&fs::read(folder.path().join(name)).unwrap()).rgba;
-    assert_eq!(left("x.new.png"), drawn);
-    assert_eq!(left("x.diff.png")[4..8], [255, 0, 127, 255]);
+    assert_eq!(left("x.lavapipe.new.png"), drawn);
+    assert_eq!(left("x.lavapipe.diff.png")[4..8], [255, 0, 127, 255]);
 }
 
 /// The driver under test is the one whose pictures are accepted.
