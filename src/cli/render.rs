@@ -12,7 +12,8 @@ use super::{
 use crate::{
     bench, classic, compute,
     error::Result,
-    image::Image,
+    format::Format,
+    image::{Image, texel_rgba8},
     pass::Frame,
     vk::{Gpu, Timings},
 };
@@ -35,7 +36,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         draw(&gpu, plan.backend, &shot, &mut clock)?
     };
     clock.lap("read_back");
-    if !shot.pass.draws.is_empty() && is_blank(&frame) {
+    if !shot.pass.draws.is_empty() && is_blank(&frame, shot.pass.color.clear) {
         talk::line("warning: nothing of the scene is visible: the picture is all background");
     }
     let image = shot.picture(frame.color)?;
@@ -97,12 +98,27 @@ fn is_one_color(color: &Image) -> bool {
     color.bytes.chunks(size).all(|pixel| *pixel == color.bytes[..size])
 }
 
-/// Whether every pixel is as it was before the first draw: one colour, and nothing before the far plane.
-fn is_blank(frame: &Frame) -> bool {
+/// Whether every pixel is as it was before the first draw: of the colour `clear`, and nothing before the
+/// far plane. What is blended leaves no depth, so depth alone does not tell.
+fn is_blank(frame: &Frame, clear: [f32; 4]) -> bool {
     let far = 1f32.to_ne_bytes();
     let depth = frame.depth.as_ref();
     is_one_color(&frame.color)
+        && is_first_texel(&frame.color, clear)
         && depth.is_none_or(|depth| depth.bytes.chunks(4).all(|pixel| pixel == far))
+}
+
+/// Whether the picture's first pixel shows the linear colour `clear`.
+fn is_first_texel(color: &Image, clear: [f32; 4]) -> bool {
+    let format = match color.format {
+        Format::Rgba16Float => Format::Rgba8Srgb,
+        format => format,
+    };
+    let (Ok(shown), Some(clear)) = (color.display_rgba8(), texel_rgba8(format, clear)) else {
+        return true;
+    };
+    // Drivers and half floats may round to the neighbour.
+    shown.iter().zip(clear).all(|(shown, clear)| shown.abs_diff(clear) <= 1)
 }
 
 /// Device time of each stage, in the order of first appearance, summed over batches.
