@@ -10,6 +10,7 @@ use crate::{
     vk::stdout_was_closed,
 };
 use std::{
+    ffi::OsStr,
     fs,
     io::{self, IsTerminal, Write},
     path::{Path, PathBuf},
@@ -71,6 +72,9 @@ impl Output {
                 let folder = folder(&target);
                 if !folder.is_dir() {
                     return Err(refuse(&format!("there is no folder {}", folder.display())));
+                }
+                if ends_as_folder(&target) {
+                    return Err(refuse("there is no such folder, and no file has such a name"));
                 }
                 Self::probed(target).map_err(|e| refuse(&e.to_string()))
             }
@@ -186,6 +190,13 @@ fn end_of_links(path: &Path) -> io::Result<PathBuf> {
         }
     }
     Err(io::Error::other("its symbolic links lead in a circle"))
+}
+
+/// Whether only a folder can have this name: one with a separator, or a separator and a dot, at its end.
+fn ends_as_folder(path: &Path) -> bool {
+    let ends =
+        |name: &OsStr| path.as_os_str().as_encoded_bytes().ends_with(name.as_encoded_bytes());
+    !path.file_name().is_some_and(ends)
 }
 
 /// A disk or a part of one. A picture must not replace a file system by mistake.
@@ -320,6 +331,15 @@ mod tests {
         assert!(refusal(folder.path()).ends_with("cannot be written: it is a folder"));
         let nowhere = folder.path().join("no/such/out.png");
         assert!(refusal(&nowhere).contains("there is no folder"));
+        for name in ["new/", "new//", "new/.", "new/new/"] {
+            let refused = refusal(&folder.path().join(name));
+            assert!(refused.contains("cannot be written: there is no "), "{refused}");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("new/", folder.path().join("link")).unwrap();
+            assert!(refusal(&folder.path().join("link")).contains("there is no such folder"));
+        }
         fs::write(folder.path().join("file"), b"").unwrap();
         assert!(refusal(&folder.path().join("file/out.png")).contains("cannot be written"));
     }

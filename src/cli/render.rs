@@ -11,7 +11,8 @@ use super::{
 use crate::{
     bench, classic, compute,
     error::Result,
-    image::Image,
+    format::Format,
+    image::{Image, texel_rgba8},
     pass::Frame,
     vk::{Gpu, Timings},
 };
@@ -34,7 +35,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         draw(&gpu, plan.backend, &scene_view, &mut clock)?
     };
     clock.lap("read_back");
-    if !scene_view.pass.draws.is_empty() && is_blank(&frame) {
+    if !scene_view.pass.draws.is_empty() && is_blank(&frame, scene_view.pass.color.clear) {
         messages::line("warning: nothing of the scene is visible: the picture is all background");
     }
     let image = scene_view.picture(frame.color)?;
@@ -101,12 +102,27 @@ fn is_one_color(color: &Image) -> bool {
     color.bytes.chunks(size).all(|pixel| *pixel == color.bytes[..size])
 }
 
-/// Whether every pixel is as the clear left it: one colour, and no depth in front of the far plane.
-fn is_blank(frame: &Frame) -> bool {
+/// Whether every pixel is as the clear left it: of the colour `clear`, and with no depth in front of the far
+/// plane. Blended surfaces leave no depth, so depth alone does not tell.
+fn is_blank(frame: &Frame, clear: [f32; 4]) -> bool {
     let far = 1f32.to_ne_bytes();
     let depth = frame.depth.as_ref();
     is_one_color(&frame.color)
+        && is_first_texel(&frame.color, clear)
         && depth.is_none_or(|depth| depth.bytes.chunks(4).all(|pixel| pixel == far))
+}
+
+/// Whether the picture's first pixel shows the linear colour `clear`.
+fn is_first_texel(color: &Image, clear: [f32; 4]) -> bool {
+    let format = match color.format {
+        Format::Rgba16Float => Format::Rgba8Srgb,
+        format => format,
+    };
+    let (Ok(shown), Some(clear)) = (color.display_rgba8(), texel_rgba8(format, clear)) else {
+        return true;
+    };
+    // Drivers and half floats may round to the neighbour.
+    shown.iter().zip(clear).all(|(shown, clear)| shown.abs_diff(clear) <= 1)
 }
 
 /// Device time of each stage, in the order of first appearance, summed over batches.

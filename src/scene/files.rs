@@ -9,6 +9,12 @@ use std::{
 /// Larger files are refused.
 const MAX_FILE: u64 = 8 << 30;
 
+/// Longer names are not looked for: no system opens them, and walking their folders would take long.
+const LONGEST_NAME: usize = 4096;
+
+/// A name is also looked for without the folders that it begins with, down from this many parts.
+const MOST_PARTS: usize = 32;
+
 /// Reads a regular file. Devices and pipes are refused: they may have no end.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
     let io = |e: std::io::Error| Error::input(path, format!("cannot be read: {e}"));
@@ -24,9 +30,13 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
 }
 
 /// Finds the file that `name` means in `folder`: as it stands, with the separators of Windows, with
-/// other upper and lower case, and if it is no UTF-8, as Latin-1.
+/// other upper and lower case, and if it is no UTF-8, as Latin-1. No file has a name of more than
+/// [`LONGEST_NAME`] bytes.
 pub(super) fn find(folder: &Path, name: impl AsRef<[u8]>) -> Option<PathBuf> {
     let name = name.as_ref();
+    if name.len() > LONGEST_NAME {
+        return None;
+    }
     let latin1 = || name.iter().map(|&byte| char::from(byte)).collect::<String>();
     match std::str::from_utf8(name) {
         Ok(text) => find_path(folder, text.as_ref()),
@@ -80,16 +90,16 @@ fn parts(name: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// [`find`], or else with ever fewer of the folders that the name begins with: paths in files often are
 /// those of the machine they were made on.
 pub(super) fn find_by_name(folder: &Path, name: impl AsRef<[u8]>) -> Option<PathBuf> {
-    let name = name.as_ref();
-    let mut rest = Some(name);
-    std::iter::from_fn(|| {
-        let current = rest?;
-        let end = current.iter().position(|b| matches!(b, b'/' | b'\\'));
-        rest = end.map(|end| &current[end + 1..]);
-        Some(current)
-    })
-    .filter(|tail| !tail.is_empty())
-    .find_map(|tail| find(folder, tail))
+    tails(name.as_ref()).find_map(|tail| find(folder, tail))
+}
+
+/// The name, then its last [`MOST_PARTS`] parts or what it has of them, and ever fewer. The limit keeps
+/// the work for one name in proportion to its length.
+fn tails(name: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let is_separator = |i: &usize| matches!(name[*i], b'/' | b'\\');
+    let ends: Vec<usize> = (0..name.len()).rev().filter(is_separator).take(MOST_PARTS).collect();
+    let shorter = ends.into_iter().rev().map(|end| &name[end + 1..]);
+    std::iter::once(name).chain(shorter).filter(|tail| !tail.is_empty())
 }
 
 #[cfg(test)]
@@ -115,5 +125,25 @@ mod tests {
         assert!(find(dir.path(), "textures/stone.jpg").is_none());
         assert!(find(Path::new(""), "CARGO.TOML").is_some(), "tests run where Cargo.toml is");
         assert!(read(dir.path()).is_err());
+    }
+
+    #[test]
+    fn long_names_cost_little() {
+        let shown = |name: &[u8]| -> Vec<String> {
+            tails(name).map(|tail| String::from_utf8_lossy(tail).into_owned()).collect()
+        };
+        assert_eq!(shown(b"C:\\a/b.png"), ["C:\\a/b.png", "a/b.png", "b.png"]);
+        assert_eq!(shown(b"a/"), ["a/"]);
+        assert!(shown(b"").is_empty());
+        for name in ["../".repeat(10_000), "a\\".repeat(10_000), "/".repeat(10_000)] {
+            assert!(tails(name.as_bytes()).count() <= MOST_PARTS + 1);
+        }
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("Wood.jpg"), b"x").unwrap();
+        let name = |parts: usize| "./".repeat(parts) + "wood.jpg";
+        assert!(find(dir.path(), name(LONGEST_NAME / 2 - 4)).is_some());
+        assert!(find(dir.path(), name(LONGEST_NAME / 2 - 3)).is_none());
+        let tail = name(LONGEST_NAME);
+        assert!(find_by_name(dir.path(), tail).is_some(), "only its tails are looked for");
     }
 }

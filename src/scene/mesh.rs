@@ -213,7 +213,8 @@ impl Mesh {
             BitMap::with_capacity_and_hasher(self.positions.len(), Default::default());
         let mut place = |p: &Vec3| {
             let next = seen.len() as u32;
-            *seen.entry(p.to_array().map(f32::to_bits)).or_insert(next)
+            // The sum makes 0 of -0, which is the same place.
+            *seen.entry(p.to_array().map(|v| (v + 0.0).to_bits())).or_insert(next)
         };
         self.positions.iter().map(&mut place).collect()
     }
@@ -436,5 +437,16 @@ mod tests {
         let mut round = fold(-0.3);
         round.make_smooth_normals(0.7);
         assert!(round.normals[1].x > 0.05, "{}", round.normals[1]);
+        // One face has the corners between them at 0, the other at -0.
+        let mut signed = fold(-0.3);
+        for (i, from) in [(6, 1), (7, 2)] {
+            let p = signed.positions[from];
+            signed.positions.push(Vec3::new(-p.x, p.y, -p.z));
+            let second = &mut signed.indices.as_mut().unwrap()[6..];
+            second.iter_mut().filter(|index| **index == from as u32).for_each(|index| *index = i);
+        }
+        signed.make_smooth_normals(0.7);
+        assert!(signed.normals.iter().any(|n| *n == round.normals[1]), "{:?}", signed.normals);
+        assert!(signed.normals.iter().all(|n| round.normals.contains(n)), "{:?}", signed.normals);
     }
 }

@@ -66,7 +66,29 @@ fn a_picture_with_nothing_in_it_is_warned_of() {
     // In front of the camera, and between two pixels.
     fs::write(&scene, "v -1 -1 0\nv 1 -1 0\nv 1 -1.000001 0\nf 1 2 3\n").unwrap();
     render(&scene, &toward).expect(0).saying(&["warning: nothing of the scene is visible"]);
+    // What is blended writes no depth. All over the picture, it leaves one colour.
+    let places = [-90f32, -90.0, 0.0, 90.0, -90.0, 0.0, 0.0, 180.0, 0.0];
+    let bytes: Vec<u8> = places.into_iter().flat_map(f32::to_le_bytes).collect();
+    fs::write(folder.path().join("a.bin"), bytes).unwrap();
+    let scene = folder.path().join("a.gltf");
+    let background = ["--eye", "0,0,3", "--target", "0,0,0", "--background", "#ff0000"];
+    for line in [&toward[..], &background] {
+        for (alpha, is_warned_of) in [("0.5", false), ("0.0", true)] {
+            fs::write(&scene, BLENDED.replace("ALPHA", alpha)).unwrap();
+            let said = render(&scene, line).expect(0).stderr;
+            assert_eq!(said.contains("nothing of the scene"), is_warned_of, "{alpha}: {said}");
+        }
+    }
 }
+
+/// A blue triangle in the plane z = 0, blended and unlit.
+const BLENDED: &str = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],
+    "meshes":[{"primitives":[{"attributes":{"POSITION":0},"material":0}]}],
+    "materials":[{"alphaMode":"BLEND","extensions":{"KHR_materials_unlit":{}},
+        "pbrMetallicRoughness":{"baseColorFactor":[0,0,1,ALPHA]}}],
+    "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
+    "bufferViews":[{"buffer":0,"byteLength":36}],
+    "buffers":[{"byteLength":36,"uri":"a.bin"}]}"#;
 
 /// Runs `line` by a shell that has done `redirect` to it.
 #[cfg(unix)]

@@ -114,6 +114,24 @@ fn vertices_far_away_are_seen_as_at_the_origin() {
 }
 
 #[test]
+fn vertices_far_away_that_primitives_share_are_stored_once() {
+    // Unlit, so that the file's own bytes are drawn without normals.
+    let primitive = r#"{"attributes":{"POSITION":0}}"#;
+    let drawn = r#"{"attributes":{"POSITION":0},"material":0}"#;
+    let unlit = r#"{"materials":[{"extensions":{"KHR_materials_unlit":{}}}],"asset""#;
+    let text = triangle_of(&[0., 0., 0., 8., 0., 0., 0., 8., 4.].map(|v| v + 1e7), "", "");
+    let text = text.replace(r#"{"asset""#, unlit);
+    let stored = |count: usize| {
+        let pass = framed(&gltf(&text.replace(primitive, &vec![drawn; count].join(","))));
+        let ranges: Vec<_> = pass.draws.iter().map(|draw| &draw.vertex_buffers[0]).collect();
+        assert_eq!(ranges.len(), count);
+        assert!(ranges.iter().all(|range| range.offset == ranges[0].offset), "{ranges:?}");
+        ranges[0].buffer.bytes.len()
+    };
+    assert_eq!(stored(9), stored(1));
+}
+
+#[test]
 fn the_unit_of_a_scene_decides_nothing() {
     let obj = |unit: &str| {
         let text = format!(

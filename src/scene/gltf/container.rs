@@ -18,7 +18,7 @@ const CHUNK_JSON: u32 = u32::from_le_bytes(*b"JSON");
 const CHUNK_BIN: u32 = u32::from_le_bytes(*b"BIN\0");
 
 /// Extensions that a file may require because they are drawn as they should be.
-const DRAWN: [&str; 6] = [
+pub(super) const DRAWN: [&str; 6] = [
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_unlit",
     "KHR_texture_transform",

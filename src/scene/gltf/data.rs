@@ -1,7 +1,10 @@
 //! Buffers and accessors, read with every bound checked before a byte is touched or allocated.
 
 use super::super::{
+    anchor::Anchor,
+    bounds::Bounds,
     build::Stream,
+    mesh::is_usable,
     store::{Slice, Store},
     uri,
 };
@@ -30,6 +33,18 @@ pub(super) struct Data<'a> {
     /// The parts of the buffers that are in the scene's store already.
     views: HashMap<usize, Slice>,
     indices: HashMap<usize, (Slice, IndexFormat, u32)>,
+    placed: HashMap<usize, Placed>,
+    /// Whether all vectors of an accessor point somewhere.
+    directed: HashMap<usize, bool>,
+}
+
+/// The positions of an accessor.
+#[derive(Clone, Copy)]
+pub(super) struct Placed {
+    pub bounds: Bounds,
+    pub anchor: Anchor,
+    /// Where they lie around the anchor, unless that is the default one.
+    pub stream: Option<Stream>,
 }
 
 /// An accessor whose elements all lie inside their buffer.
@@ -97,7 +112,14 @@ impl<'a> Data<'a> {
             Ok(bytes)
         };
         let buffers = root.buffers.iter().enumerate().map(read).collect();
-        Self { root, buffers, views: HashMap::new(), indices: HashMap::new() }
+        Self {
+            root,
+            buffers,
+            views: HashMap::new(),
+            indices: HashMap::new(),
+            placed: HashMap::new(),
+            directed: HashMap::new(),
+        }
     }
 
     /// The bytes of a buffer view.
@@ -256,6 +278,36 @@ impl<'a> Data<'a> {
         let bytes = count.saturating_sub(1) * stride + format.bytes();
         let slice = self.stored(view, store)?.part(offset, bytes);
         Ok(Some(Stream { slice, format, stride: stride as u32 }))
+    }
+
+    /// The accessor as positions around an anchor that suits them, read and copied once however many
+    /// primitives share them.
+    pub fn placed(&mut self, index: usize, store: &mut Store) -> Checks<Placed> {
+        if let Some(&placed) = self.placed.get(&index) {
+            return Ok(placed);
+        }
+        let positions = self.accessor(index)?.vec3("POSITION")?;
+        let bounds = Bounds::of(positions.iter().map(|p| p.as_dvec3()));
+        let mut placed = Placed { bounds, anchor: Anchor::of(&bounds), stream: None };
+        if placed.anchor != Anchor::default() {
+            let around = |p: &Vec3| placed.anchor.store(p.as_dvec3());
+            let around: Vec<Vec3> = positions.iter().map(around).collect();
+            let slice = store.push(bytemuck::cast_slice(&around))?;
+            let format = VertexFormat::F32X3;
+            placed.stream = Some(Stream { slice, format, stride: format.bytes() as u32 });
+        }
+        self.placed.insert(index, placed);
+        Ok(placed)
+    }
+
+    /// Whether all normals of the accessor point somewhere; read once.
+    pub fn is_directed(&mut self, index: usize) -> Checks<bool> {
+        if let Some(&directed) = self.directed.get(&index) {
+            return Ok(directed);
+        }
+        let directed = self.accessor(index)?.vec3("NORMAL")?.iter().all(is_usable);
+        self.directed.insert(index, directed);
+        Ok(directed)
     }
 
     /// A buffer view in the scene's buffers, copied once.

@@ -1,7 +1,7 @@
 //! Mends errors of exporters whose meaning is clear, before the typed parser sees them: it refuses a whole file
 //! for one such member.
 
-use super::super::uri::short;
+use super::{super::uri::short, container::DRAWN};
 use serde_json::{Map, Number, Value};
 
 type Object = Map<String, Value>;
@@ -121,7 +121,10 @@ fn walk(value: &mut Value, warn: &mut dyn FnMut(String)) {
             });
             for (name, member) in members.iter_mut() {
                 retype(name, member, warn);
-                walk(member, warn);
+                match member {
+                    Value::Object(all) if name == "extensions" => extensions(all, warn),
+                    member => walk(member, warn),
+                }
             }
         }
         Value::Array(elements) => elements.iter_mut().for_each(|element| walk(element, warn)),
@@ -133,6 +136,17 @@ fn walk(value: &mut Value, warn: &mut dyn FnMut(String)) {
             }
         }
         _ => {}
+    }
+}
+
+/// What is not drawn changes no picture, so its faults are not worth a word.
+fn extensions(all: &mut Object, warn: &mut dyn FnMut(String)) {
+    all.retain(|_, extension| !extension.is_null());
+    for (name, extension) in all {
+        match DRAWN.contains(&name.as_str()) {
+            true => walk(extension, warn),
+            false => walk(extension, &mut |_| {}),
+        }
     }
 }
 
@@ -230,6 +244,22 @@ mod tests {
         let accessor = json!([{ "count": 4, "normalized": true, "max": [0.5, -3] }]);
         assert_eq!(document["accessors"], accessor);
         assert_eq!(warnings.len(), 6, "{warnings:?}");
+    }
+
+    #[test]
+    fn extensions_that_are_not_drawn_are_not_warned_of() {
+        let faults = json!({ "sampler": -1, "deep": [{ "doubleSided": 1, "name": 3 }] });
+        for (extension, count) in [("VENDOR_own", 0), ("KHR_texture_transform", 3)] {
+            let extensions = json!({ extension: faults, "none": null });
+            let (document, warnings) = mended(json!({
+                "extensions": extensions,
+                "textures": [{ "extensions": extensions }],
+            }));
+            assert_eq!(warnings.len(), 2 * count, "{warnings:?}");
+            // Mended all the same: the typed parser reads some of them.
+            let mended = json!({ "deep": [{ "doubleSided": true, "name": "3" }] });
+            assert_eq!(document["extensions"], json!({ extension: mended }));
+        }
     }
 
     #[test]

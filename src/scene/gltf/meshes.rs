@@ -2,18 +2,16 @@
 //! otherwise completed, morphed and skinned first.
 
 use super::super::{
-    anchor::Anchor,
-    bounds::Bounds,
-    build::{Builder, COLOR, NORMAL, POSITION, Part, Stream, TANGENT, UV},
-    mesh::{Mesh, is_usable},
+    build::{Builder, COLOR, NORMAL, POSITION, Part, TANGENT, UV},
+    mesh::Mesh,
     place::direction_matrix,
 };
 use super::{
-    data::{Checks, Data, compressed, get},
+    data::{Checks, Data, Placed, compressed, get},
     materials::Materials,
 };
-use crate::{format::VertexFormat, state::Topology};
-use glam::{DMat4, DVec3, Vec3, Vec4};
+use crate::state::Topology;
+use glam::{DMat4, DVec3, Vec4};
 use gltf_json::{
     mesh::{Mode, Primitive, Semantic},
     validation::Checked,
@@ -160,15 +158,9 @@ fn direct(
         }
     }
     let position = source.find(Semantic::Positions).unwrap_or(0);
-    let positions = data.accessor(position)?.vec3("POSITION")?;
-    let bounds = Bounds::of(positions.iter().map(|p| p.as_dvec3()));
-    let (anchor, vertices) = (Anchor::of(&bounds), positions.len());
-    if anchor != Anchor::default() {
-        let stored: Vec<Vec3> = positions.iter().map(|p| anchor.store(p.as_dvec3())).collect();
-        let slice = builder.store.push(bytemuck::cast_slice(&stored))?;
-        let format = VertexFormat::F32X3;
-        streams[POSITION] = Some(Stream { slice, format, stride: format.bytes() as u32 });
-    }
+    let Placed { bounds, anchor, stream } = data.placed(position, &mut builder.store)?;
+    streams[POSITION] = stream.or(streams[POSITION]);
+    let vertices = data.accessor(position)?.count;
     let indices = match source.primitive.indices {
         Some(i) => Some(data.index_buffer(i.value(), vertices, &mut builder.store)?),
         None => None,
@@ -205,11 +197,9 @@ impl Source<'_> {
     }
 
     /// Whether all normals have a direction, or the material needs none.
-    fn has_directions(&self, data: &Data, unlit: bool) -> Checks<bool> {
-        let Some(normals) = self.find(Semantic::Normals).filter(|_| !unlit) else {
-            return Ok(true);
-        };
-        Ok(data.accessor(normals)?.vec3("NORMAL")?.iter().all(is_usable))
+    fn has_directions(&self, data: &mut Data, unlit: bool) -> Checks<bool> {
+        let normals = self.find(Semantic::Normals).filter(|_| !unlit);
+        normals.map_or(Ok(true), |normals| data.is_directed(normals))
     }
 
     /// Every attribute must have as many elements as there are positions.

@@ -360,14 +360,13 @@ impl Ingredients {
         mask: &Pixels,
         channel: Option<Channel>,
     ) -> Texture {
+        // A mask is bright where there is something. In a picture with alpha, the alpha is the mask: for
+        // all of its texels, the opaque ones too.
+        let has_alpha = || mask.1.chunks_exact(4).any(|texel| texel[3] < 255);
+        let channel =
+            channel.unwrap_or_else(|| if has_alpha() { Channel::Matte } else { Channel::Red });
         for (i, texel) in texels.chunks_exact_mut(4).enumerate() {
-            let masking = nearest(mask, extent, i);
-            texel[3] = match channel {
-                Some(channel) => value(masking, channel),
-                // A mask is bright where there is something; with alpha, that is the mask.
-                None if masking[3] < 255 => masking[3],
-                None => masking[0],
-            };
+            texel[3] = value(nearest(mask, extent, i), channel);
         }
         with_mips(&self.pictures[0].name, extent, texels, ColorSpace::Srgb)
     }
@@ -431,6 +430,25 @@ mod tests {
         assert_eq!(library.files.len(), 2);
         assert!(library.get(b"x").is_some() && library.get(b"y").is_some());
         assert!(builder.warnings.is_empty(), "{:?}", builder.warnings);
+    }
+
+    #[test]
+    fn one_value_of_a_picture_is_the_mask_everywhere() {
+        let picture = Picture { name: String::new(), bytes: Arc::default(), has_alpha: true };
+        let recipe = Recipe::Masked(Some(0), 0, None);
+        let ingredients = Ingredients { recipe, pictures: vec![picture] };
+        let extent = Extent::new(2, 1);
+        // A leaf: green, opaque inside and transparent outside; and the same without its alpha.
+        for (texels, want) in [
+            ([0, 200, 0, 255, 9, 9, 9, 0], [255, 0]),
+            ([0, 200, 0, 255, 9, 9, 9, 254], [255, 254]),
+            ([0, 200, 0, 255, 9, 9, 9, 255], [0, 9]),
+        ] {
+            let mask = (extent, texels.to_vec());
+            let made = ingredients.masked(extent, texels.to_vec(), &mask, None);
+            let alpha: Vec<u8> = made.levels[0].iter().skip(3).step_by(4).copied().collect();
+            assert_eq!(alpha, want);
+        }
     }
 
     #[test]

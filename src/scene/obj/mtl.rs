@@ -233,19 +233,18 @@ fn map(text: &[u8]) -> Option<MtlMap> {
     while let Some(after) = map.option(rest) {
         rest = after;
     }
-    map.names = readings(rest);
     let dashes = (1..rest.len()).filter(|&i| rest[i - 1..].starts_with(b" -"));
-    if let Some((name, options)) =
-        dashes.map(|i| (trim(&rest[..i]), &rest[i..])).find(|(_, after)| {
-            let mut scratch = map.clone();
-            scratch.option(after).is_some()
-        })
-    {
-        let mut options = options;
+    // Copied for every dash, and therefore without names, which may be as long as the file.
+    let nameless = map.clone();
+    let is_option = |&i: &usize| nameless.clone().option(&rest[i..]).is_some();
+    let end = dashes.into_iter().find(is_option);
+    map.names = readings(rest);
+    if let Some(end) = end {
+        let mut options = &rest[end..];
         while let Some(after) = map.option(options) {
             options = after;
         }
-        map.names.extend(readings(name));
+        map.names.extend(readings(trim(&rest[..end])));
     }
     map.names.retain(|name| !name.is_empty());
     (!map.names.is_empty()).then_some(map)
@@ -343,6 +342,14 @@ mod tests {
         assert_eq!(m.names, [&b"a -bcd 1.png"[..]]);
         assert_eq!(name(&map(b"-wood.png").unwrap()), "-wood.png");
         assert_eq!(name(&map(b"-bm wood.png").unwrap()), "wood.png", "the number is missing");
+    }
+
+    #[test]
+    fn a_line_of_dashes_is_one_name() {
+        // With a copy of the name for each dash, this would be a terabyte of copies.
+        let line = b"- ".repeat(1 << 19);
+        let m = map(&line).unwrap();
+        assert_eq!((m.names.len(), m.names[0].len()), (1, line.len() - 1));
     }
 
     #[test]

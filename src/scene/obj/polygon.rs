@@ -91,10 +91,7 @@ impl<'a> Outline<'a> {
             at = self.next[corner];
         }
         while left > 3 {
-            if *steps == 0 {
-                return self.fan(at, out);
-            }
-            let ear = self.find(at, left, steps);
+            let Some(ear) = self.find(at, left, steps) else { return self.fan(at, out) };
             out.push(self.triangle(ear));
             let next = self.next[ear];
             self.remove(ear);
@@ -122,20 +119,26 @@ impl<'a> Outline<'a> {
         self.is_left[corner] = false;
     }
 
-    /// The next ear to cut, of `left` corners from `first` on.
-    fn find(&self, first: usize, left: usize, steps: &mut u64) -> usize {
+    /// The next ear to cut, of `left` corners from `first` on; `None` if the steps do not suffice.
+    fn find(&self, first: usize, left: usize, steps: &mut u64) -> Option<usize> {
         let corners = || std::iter::successors(Some(first), |&i| Some(self.next[i])).take(left);
         // Where outlines touch, something may lie on the edge of every ear.
         for with_edge in [true, false] {
-            if let Some(ear) = corners().find(|&i| self.is_ear(i, with_edge, steps)) {
-                return ear;
+            for corner in corners() {
+                let is_ear = self.is_ear(corner, with_edge, steps);
+                if *steps == 0 {
+                    return None;
+                }
+                if is_ear {
+                    return Some(corner);
+                }
             }
         }
         // Only outlines that cross themselves come here, if only by a rounding.
         let size = |&i: &usize| area(self.points, self.triangle(i));
         let flattest = corners().min_by(|a, b| size(a).abs().total_cmp(&size(b).abs()));
         let sliver = flattest.filter(|i| size(i).abs() < SLIVER);
-        sliver.or_else(|| corners().find(|i| size(i) > 0.0)).unwrap_or(first)
+        Some(sliver.or_else(|| corners().find(|i| size(i) > 0.0)).unwrap_or(first))
     }
 
     /// The rest as a fan.
@@ -148,6 +151,7 @@ impl<'a> Outline<'a> {
     }
 
     /// Whether the corner is convex and nothing lies inside of its triangle or, `with_edge`, on its edge.
+    /// Each corner that is looked at takes a step; without steps the answer means nothing.
     fn is_ear(&self, corner: usize, with_edge: bool, steps: &mut u64) -> bool {
         let points = self.points;
         let [a, b, c] = self.triangle(corner);
@@ -163,13 +167,16 @@ impl<'a> Outline<'a> {
         !near.into_iter().any(|&i| {
             *steps = steps.saturating_sub(1);
             let p = points[i];
-            self.is_left[i]
-                && p != pa
-                && p != pb
-                && p != pc
-                && area(points, [a, b, i]) > least
-                && area(points, [b, c, i]) > least
-                && area(points, [c, a, i]) > least
+            let blocks = || {
+                self.is_left[i]
+                    && p != pa
+                    && p != pb
+                    && p != pc
+                    && area(points, [a, b, i]) > least
+                    && area(points, [b, c, i]) > least
+                    && area(points, [c, a, i]) > least
+            };
+            *steps == 0 || blocks()
         })
     }
 }
@@ -408,6 +415,21 @@ mod tests {
         let (mut out, mut steps) = (Vec::new(), 1);
         triangulate(&star, &mut steps, &mut out);
         assert_eq!((out.len(), steps), (8, 0), "without steps the rest is a fan");
+    }
+
+    #[test]
+    fn the_steps_end_the_search_for_one_ear_too() {
+        // Two zigzags into each other: any ear may be blocked by half of the corners.
+        let count = 1000;
+        let zigzag = |x: f64, i: usize| [(x, 3.0 * i as f64), (x + 1000.0, 3.0 * i as f64 + 1.5)];
+        let down = (0..count).rev().flat_map(|i| zigzag(0.0, i).into_iter().rev());
+        let up = (0..count).flat_map(|i| zigzag(900.0, i));
+        let corners: Vec<DVec3> = down.chain(up).map(|(x, y)| DVec3::new(x, y, 0.0)).collect();
+        let (mut out, mut steps) = (Vec::new(), 1000);
+        triangulate(&corners, &mut steps, &mut out);
+        assert_eq!((out.len(), steps), (corners.len() - 2, 0));
+        let hub = out[0][0];
+        assert!(out.iter().all(|t| t[0] == hub), "a fan from the first corner on");
     }
 
     #[test]

@@ -58,8 +58,15 @@ pub(super) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// The words of a statement that consists of numbers, up to a comment or a backslash that continues
 /// nothing. The `#` in the `1.#INF` of Microsoft's library begins no comment.
 pub(super) fn number_words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let in_number = |i: usize| {
+        let begins = |word: &[u8]| {
+            text.get(i + 1..i + 1 + word.len()).is_some_and(|next| next.eq_ignore_ascii_case(word))
+        };
+        text[..i].ends_with(b"1.")
+            && [&b"INF"[..], b"IND", b"QNAN", b"SNAN"].into_iter().any(begins)
+    };
     let ends = |i: usize| match text[i] {
-        b'#' => i == 0 || text[i - 1] != b'.',
+        b'#' => !in_number(i),
         byte => byte == b'\\',
     };
     let end = (0..text.len()).find(|&i| ends(i)).unwrap_or(text.len());
@@ -296,6 +303,21 @@ mod tests {
         }
         for word in ["", "x", "1,2,3", "1.0.0", "\u{fc}"] {
             assert_eq!(number(word.as_bytes()), None, "{word}");
+        }
+    }
+
+    #[test]
+    fn comments_end_numbers_and_are_no_part_of_them() {
+        for (text, want) in [
+            ("0. 0. 1.# note", &["0.", "0.", "1."][..]),
+            ("0. 2.#IND", &["0.", "2."]),
+            ("1.#INF00 -1.#ind 1.#QNAN#1", &["1.#INF00", "-1.#ind", "1.#QNAN"]),
+            ("1 2#3", &["1", "2"]),
+            ("1.#", &["1."]),
+            ("#", &[]),
+        ] {
+            let found: Vec<_> = number_words(text.as_bytes()).collect();
+            assert_eq!(found, want.iter().map(|w| w.as_bytes()).collect::<Vec<_>>(), "{text}");
         }
     }
 
