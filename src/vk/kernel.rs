@@ -7,9 +7,16 @@ use super::{
     instance::WITH_DERIVATIVES,
     reflect::{BlockBinding, KernelReflection, reflect},
 };
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    load_spirv::load,
+    shader::validate::validate,
+};
 use ash::vk;
-use rspirv::spirv::Capability;
+use rspirv::{
+    dr::{Instruction, Operand},
+    spirv::{Capability, ExecutionModel},
+};
 use std::{
     collections::{HashMap, HashSet},
     sync::Arc,
@@ -53,7 +60,8 @@ impl Kernel {
     /// # Errors
     /// [`Error::Usage`] names what does not fit: no module, a module that reaches memory by address, where
     /// nobody checks bounds, a constant that does not exist, more than the device's workgroup or push
-    /// constants allow. [`Error::Device`] if the driver refuses it.
+    /// constants allow, or what the program `spirv-val` does not find valid. [`Error::Device`] if the driver
+    /// refuses it.
     pub fn new(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         if declares(info.spirv, Capability::PhysicalStorageBufferAddresses) {
             return Err(Error::Usage(format!(
@@ -61,12 +69,16 @@ impl Kernel {
                 info.name
             )));
         }
+        let fault = |text: String| Error::Usage(format!("kernel `{}` {text}", info.name));
+        check_entry_point(info.spirv).map_err(fault)?;
+        validate(info.spirv)
+            .map_err(|reason| Error::Usage(format!("kernel `{}`: {reason}", info.name)))?;
         Self::make(gpu, info, false)
     }
 
     /// As [`Kernel::new`], of a module that keeps to the bounds of its own buffers: an engine's kernel, also
     /// with a user's shader in it, which sees the resource table alone. It reaches them by address where
-    /// the driver is faster so.
+    /// the driver is faster so. The module is valid: our compiler or our splicer wrote it.
     pub(crate) fn trusted(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         Self::make(gpu, info, gpu.0.addresses)
     }
@@ -146,6 +158,23 @@ impl Kernel {
 impl std::fmt::Debug for Kernel {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Kernel `{}`", self.0.name)
+    }
+}
+
+/// Whether the module has the entry point that the pipeline asks for.
+fn check_entry_point(words: &[u32]) -> std::result::Result<(), String> {
+    let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
+    let is_main = |entry: &Instruction| {
+        matches!(&entry.operands[..], [
+            Operand::ExecutionModel(ExecutionModel::GLCompute),
+            _,
+            Operand::LiteralString(name),
+            ..
+        ] if name == "main")
+    };
+    match module.entry_points.iter().any(is_main) {
+        true => Ok(()),
+        false => Err("has no compute entry point `main`".into()),
     }
 }
 
@@ -237,8 +266,8 @@ impl RawKernel {
     ) -> Result<()> {
         let what = format!("compiling kernel `{}`", self.name);
         let module_info = vk::ShaderModuleCreateInfo::default().code(spirv);
-        // SAFETY: reflection parsed the module; the driver validates no further, which is why
-        // kernels come from our compiler and splicer only.
+        // SAFETY: the module is valid, which the driver takes for granted: `Kernel::new` asked the
+        // validator, and what is trusted comes from our compiler and splicer.
         let module = unsafe { self.gpu.device.create_shader_module(&module_info, None) }
             .map_err(|e| self.gpu.failure(&what, e))?;
         if has_compute_derivatives(info.spirv) {
