@@ -21,7 +21,7 @@ mod stored;
 #[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
 mod system;
 mod usage;
-mod validate;
+pub(crate) mod validate;
 
 /// What tests of kernels elsewhere need of those here.
 #[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]

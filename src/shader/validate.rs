@@ -18,7 +18,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 ///
 /// # Errors
 /// The validator's sentence, or how to get a validator.
-pub(super) fn validate(words: &[u32]) -> Outcome<()> {
+pub(crate) fn validate(words: &[u32]) -> Outcome<()> {
     let mut child = Command::new("spirv-val")
         // The engine asks every device for scalar block layout.
         .args(["--target-env", "vulkan1.3", "--scalar-block-layout", "-"])
