@@ -25,10 +25,23 @@ void main() {
 /// Draws a triangle over the whole target by both executors. `Block` of `fragment` is bound to the last
 /// `bytes` bytes of a buffer, all of which are ones.
 fn draw(gpu: &Gpu, fragment: &str, bytes: usize, bind: fn(BufferRange) -> Binding) -> [Frame; 2] {
-    let shader = |stage, label: &str, source: &str| {
-        Arc::new(Shader::from_glsl(stage, label, source).unwrap_or_else(|e| panic!("{e}")))
-    };
     let source = format!("#version 450\nlayout(location = 0) out vec4 color;\n{fragment}");
+    let pass = pass(shader(Stage::Fragment, "short.frag", &source), &[], bytes, bind);
+    let by_compute = compute::Renderer::new(gpu).unwrap().render(&pass).unwrap();
+    [by_compute, classic::Renderer::new(gpu).unwrap().render(&pass).unwrap()]
+}
+
+fn shader(stage: Stage, label: &str, source: &str) -> Shader {
+    Shader::from_glsl(stage, label, source).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A pass that draws what [`draw`] draws, with these specialization constants.
+fn pass(
+    fragment: Shader,
+    specialization: &[(u32, u32)],
+    bytes: usize,
+    bind: fn(BufferRange) -> Binding,
+) -> Pass {
     let ones: Vec<u8> = [1.0f32; 96].iter().flat_map(|one| one.to_ne_bytes()).collect();
     let ones = Arc::new(Buffer { label: "ones".into(), bytes: ones[..256 + bytes].to_vec() });
     let zeros = Arc::new(Buffer { label: "zeros".into(), bytes: vec![0; 16] });
@@ -40,15 +53,52 @@ fn draw(gpu: &Gpu, fragment: &str, bytes: usize, bind: fn(BufferRange) -> Bindin
     pass.color.format = Format::Rgba8Unorm;
     pass.pipelines.push(Arc::new(Pipeline {
         depth: DepthState::OFF,
+        specialization: specialization.to_vec(),
         ..Pipeline::new(
             "short",
-            shader(Stage::Vertex, "short.vert", VERTEX),
-            shader(Stage::Fragment, "short.frag", &source),
+            Arc::new(shader(Stage::Vertex, "short.vert", VERTEX)),
+            Arc::new(fragment),
         )
     }));
     pass.draws.push(Draw { sets: vec![Arc::new(set)], ..Draw::new(0, 3) });
-    let by_compute = compute::Renderer::new(gpu).unwrap().render(&pass).unwrap();
-    [by_compute, classic::Renderer::new(gpu).unwrap().render(&pass).unwrap()]
+    pass
+}
+
+#[test]
+fn a_block_is_as_long_as_a_specialization_constant_makes_it() {
+    let source = "#version 450
+        layout(constant_id = 3) const int N = 1;
+        layout(binding = 0) uniform Block { vec4 list[N]; };
+        layout(location = 0) out vec4 color;
+        void main() { color = list[N - 1]; }";
+    let fragment = shader(Stage::Fragment, "long.frag", source);
+    let pass = pass(fragment, &[(3, 8)], 128, Binding::Uniform);
+    let gpu = gpu();
+    let by_compute = compute::Renderer::new(&gpu).unwrap().render(&pass).unwrap();
+    let by_classic = classic::Renderer::new(&gpu).unwrap().render(&pass).unwrap();
+    for frame in [by_compute, by_classic] {
+        assert_eq!(frame.color.texel(3, 3), [255; 4]);
+    }
+}
+
+/// No compiler of GLSL takes such an index, but an optimizer may make one of a loop. Element 3 becomes
+/// element 16000000. On the driver under test alone, as below.
+#[test]
+fn a_constant_index_beyond_a_uniform_block_reads_no_other_memory() {
+    let source = "#version 450
+        layout(binding = 0) uniform Block { vec4 list[4]; };
+        layout(location = 0) out vec4 color;
+        void main() { color = list[3]; }";
+    let mut words = shader(Stage::Fragment, "far.frag", source).spirv().to_vec();
+    // `OpConstant %int %id 3`: four words, operation 43. The array's length is 4.
+    let constant = words.windows(4).position(|w| w[0] == 4 << 16 | 43 && w[3] == 3);
+    words[constant.expect("the index") + 3] = 16_000_000;
+    let fragment = Shader::from_spirv(Stage::Fragment, "far.frag", &words).unwrap();
+    let pass = pass(fragment, &[], 64, Binding::Uniform);
+    let frame = compute::Renderer::new(&gpu()).unwrap().render(&pass).unwrap();
+    let texel = frame.color.texel(3, 3);
+    let possible: [[u8; 4]; 3] = [[0; 4], [0, 0, 0, 255], [255; 4]];
+    assert!(possible.iter().any(|p| texel == p), "{texel:?}");
 }
 
 #[test]

@@ -298,7 +298,18 @@ fn what_was_found_good_before_excuses_no_other_draw() {
         }
     };
     refused(&["set 1 binding 0", "not bound"], &|_, draw| draw.sets.truncate(1));
-    refused(&["set 0 binding 2", "not bound"], &|_, draw| draw.sets.clear());
+    refused(&["set 0 binding 2 (an image with its sampler) is not bound"], &|_, draw| {
+        draw.sets.clear();
+    });
+    refused(
+        &["set 1 binding 0: it is a uniform block in the shader; a storage block is bound"],
+        &|_, draw| {
+            let mut set = (*draw.sets[1]).clone();
+            let Binding::Uniform(range) = &set.entries[0].resources[0] else { panic!() };
+            set.entries[0].resources[0] = Binding::Storage(range.clone());
+            draw.sets[1] = Arc::new(set);
+        },
+    );
     refused(&["set 0 binding 2", "not bound"], &|_, draw| draw.sets.swap(0, 1));
     refused(&["set 0 binding 2", "not bound"], &|_, draw| draw.sets[0] = draw.sets[1].clone());
     refused(&["push"], &|_, draw| draw.push_constants.clear());
@@ -322,6 +333,23 @@ void main() { color = factor * uv.x; }";
         set.entries[0].resources[1] = Binding::Sampled(Arc::new(bad), *sampler);
         draw.sets[0] = Arc::new(set);
     });
+}
+
+#[test]
+fn a_specialization_constant_is_set_once_and_has_32_bits() {
+    let refused = |specialization: &[(u32, u32)], words: &str| {
+        let mut parts = Parts::new();
+        let body = "layout(constant_id = 5) const double wide = 1.0;
+layout(constant_id = 6) const bool narrow = true;
+layout(location = 0) out vec4 color;
+void main() { color = vec4(narrow ? float(wide) : 0.0); }";
+        parts.pipeline.fragment = shader(Stage::Fragment, "wide.frag", body);
+        parts.pipeline.specialization = specialization.to_vec();
+        let text = parts.assemble().validate().expect_err("a fault is refused").to_string();
+        assert!(text.contains(words), "`{words}` is not in: {text}");
+    };
+    refused(&[(6, 0), (7, 1), (6, 0)], "specialization constant 6 is set twice");
+    refused(&[(6, 0), (5, 1)], "specialization constant 5 of `wide.frag` is not 32 bits wide");
 }
 
 #[test]

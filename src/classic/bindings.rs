@@ -139,12 +139,14 @@ impl Bindings {
         let image_info = vk::DescriptorImageInfo::default();
         Ok(match binding {
             Binding::Uniform(range) => {
-                // A uniform block is bound as long as it is: ranges of uniforms are limited, and a
-                // pass may bind more than the block has, or less.
+                // A pass may bind more than the block has, or less. Ranges of uniforms are limited; within
+                // that, all is bound, since a specialization constant may make the block longer.
                 let bytes = resource.bytes.max(1);
                 let block = resources.block(range, bytes as usize)?;
                 commands.keep(block.raw().clone());
-                buffer_info(&block, block.offset(), bytes.into())
+                let limit = gpu.0.draw_limits.uniform_bytes as usize;
+                let bound = range.bytes.min(limit).max(bytes as usize);
+                buffer_info(&block, block.offset(), bound as u64)
             }
             Binding::Storage(range) => {
                 let buffer = match self.copies.get(&Arc::as_ptr(&range.buffer)) {

@@ -209,6 +209,7 @@ mod tests {
             reflection: Reflection { push_constant_bytes: 8, ..Reflection::default() },
             hash: 0,
             refusal: None,
+            wide_constants: Vec::new(),
         };
         Pipeline {
             label: "p".into(),

@@ -160,7 +160,7 @@ fn check_resource(
     let place = format!("set {} binding {}", resource.set, resource.binding);
     let entry = set.and_then(|s| s.entries.iter().find(|e| e.binding == resource.binding));
     let Some(entry) = entry else {
-        return Err(format!("{place} ({:?}) is not bound", resource.kind));
+        return Err(format!("{place} ({}) is not bound", resource.kind));
     };
     let wanted = resource.count.max(1) as usize;
     if entry.resources.len() < wanted {
@@ -181,7 +181,7 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
         Binding::Sampler(_) => (ResourceKind::Sampler, None, None),
     };
     if kind != resource.kind {
-        return Err(format!("{kind:?} is bound to {:?}", resource.kind));
+        return Err(format!("it is {} in the shader; {kind} is bound", resource.kind));
     }
     if let Some(range) = block {
         check_range(range)?;

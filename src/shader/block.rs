@@ -5,6 +5,7 @@ use super::{
     module::{Index, Outcome, ids},
 };
 use rspirv::spirv::{Decoration, Op, Word};
+use std::collections::HashMap;
 
 /// A value in a block: where it begins and how its parts follow.
 #[derive(Clone, Copy)]
@@ -16,6 +17,9 @@ struct At {
     /// Bytes between the components of a vector, where its matrix decides them.
     step: Option<u32>,
 }
+
+/// Sizes by type and by what a value's surroundings say of it.
+type Sizes = HashMap<(Word, Option<(u32, bool)>, Option<u32>), u32>;
 
 impl At {
     fn begin(block: Word) -> Self {
@@ -72,18 +76,30 @@ impl At {
         }))
     }
 
-    /// The byte after this value.
-    fn end(self, index: &Index) -> Outcome<u32> {
-        let Some(count) = self.parts(index)? else {
-            let end = self.byte.checked_add(bytes_of_scalar(index, self.ty)?);
-            return end.ok_or_else(|| "a block of more than 2^32 bytes".into());
+    /// The byte after this value. `sizes` holds what is known: a type may be part of a block any number of
+    /// times.
+    fn end(self, index: &Index, sizes: &mut Sizes) -> Outcome<u32> {
+        let key = (self.ty, self.matrix, self.step);
+        let size = match sizes.get(&key) {
+            Some(&size) => size,
+            None => {
+                let size = At { byte: 0, ..self }.size(index, sizes)?;
+                sizes.insert(key, size);
+                size
+            }
         };
+        self.byte.checked_add(size).ok_or_else(|| "a block of more than 2^32 bytes".into())
+    }
+
+    /// The bytes of this value, which begins at byte 0.
+    fn size(self, index: &Index, sizes: &mut Sizes) -> Outcome<u32> {
+        let Some(count) = self.parts(index)? else { return bytes_of_scalar(index, self.ty) };
         // If the parts are equal, the last one ends last; this holds for row-major columns too.
         let first = match index.op(self.ty)? {
             Op::TypeStruct => 0,
             _ => count.saturating_sub(1),
         };
-        (first..count).try_fold(self.byte, |end, n| Ok(end.max(self.part(index, n)?.end(index)?)))
+        (first..count).try_fold(0, |end, n| Ok(end.max(self.part(index, n)?.end(index, sizes)?)))
     }
 
     fn scalars(self, index: &Index, words: &mut Vec<u32>) -> Outcome<()> {
@@ -109,7 +125,7 @@ fn bytes_of_scalar(index: &Index, ty: Word) -> Outcome<u32> {
 /// Bytes of a block: where the member that reaches furthest ends. A run-time array counts as one
 /// element.
 pub(super) fn bytes(index: &Index, block: Word) -> Outcome<u32> {
-    At::begin(block).end(index)
+    At::begin(block).end(index, &mut Sizes::new())
 }
 
 /// The word of each scalar of the part of a block of type `block` that constant `indices` select, in

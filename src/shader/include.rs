@@ -5,13 +5,28 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// Whether an `#include` is somewhere in the source, as preprocessors read it: blanks, comments and the end of
+/// a line that goes on may stand behind the `#`.
+pub(super) fn is_in(source: &str) -> bool {
+    let joined = source.replace("\\\r\n", "").replace("\\\n", "").replace("\\\r", "");
+    joined.split('#').skip(1).any(|mut directive| {
+        loop {
+            directive = directive.trim_start_matches([' ', '\t', '\x0b', '\x0c']);
+            match directive.strip_prefix("/*").and_then(|comment| comment.split_once("*/")) {
+                Some((_, after)) => directive = after,
+                None => return directive.starts_with("include"),
+            }
+        }
+    })
+}
+
 /// The source with the extension on that `#include` belongs to, as compilers of files have it: many
 /// sources rely on that. Lines keep their numbers.
 pub(super) fn allowed(source: &str) -> Cow<'_, str> {
     let said = ["GL_GOOGLE_include_directive", "GL_ARB_shading_language_include"];
     let version = source.lines().position(|line| line.trim_start().starts_with("#version"));
     let (true, false, Some(line)) =
-        (source.contains("#include"), said.iter().any(|e| source.contains(e)), version)
+        (is_in(source), said.iter().any(|e| source.contains(e)), version)
     else {
         return source.into();
     };

@@ -111,7 +111,7 @@ impl Flatten<'_, '_> {
         match index.op(ty)? {
             Op::TypeFloat | Op::TypeInt | Op::TypeVector | Op::TypeBool => {
                 let (scalar, count) = leaf_type(index, ty)?;
-                if component + count > 4 {
+                if component.checked_add(count).is_none_or(|end| end > 4) {
                     return Err(
                         "a variable that reaches beyond its location's four components".into()
                     );

@@ -10,6 +10,8 @@ mod bundled;
 mod compile;
 pub mod conform;
 mod file;
+#[cfg(test)]
+mod hostile;
 mod include;
 mod interface;
 mod module;
@@ -42,6 +44,7 @@ pub(crate) mod testing {
 
 use crate::{Error, Result};
 pub use file::FileOptions;
+use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 
@@ -67,6 +70,8 @@ pub struct Shader {
     pub(crate) reflection: Reflection,
     /// Why no pass can draw with it; `None` if one can. A shader with a reason can only be spliced.
     pub(crate) refusal: Option<String>,
+    /// `constant_id`s of the module whose constants are not 32 bits wide: a pipeline sets 32 bits.
+    pub(crate) wide_constants: Vec<u32>,
     /// Of the words. Equal hashes do not make shaders equal: the words are compared.
     pub(crate) hash: u64,
 }
@@ -100,6 +105,19 @@ pub enum ResourceKind {
     Sampler,
     /// A storage image.
     StorageImage,
+}
+
+impl fmt::Display for ResourceKind {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Uniform => "a uniform block",
+            Self::Storage => "a storage block",
+            Self::Sampled => "an image with its sampler",
+            Self::Texture => "an image without a sampler",
+            Self::Sampler => "a sampler",
+            Self::StorageImage => "a storage image",
+        })
+    }
 }
 
 /// The type of a texel or of a component, as a shader sees it.
@@ -280,20 +298,22 @@ impl Shader {
 
     /// As [`Shader::from_spirv`], also for shaders that no pass can draw with.
     pub(crate) fn validated(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
-        let shader = Self::reflected(stage, label, words)?;
+        // Reflection follows types and calls, so it takes for granted that these end.
         validate::validate(words).map_err(|reason| Error::shader(label, reason))?;
-        Ok(shader)
+        Self::reflected(stage, label, words)
     }
 
     /// As [`Shader::own`], also for shaders that no pass can draw with.
     pub(crate) fn reflected(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
-        let (reflection, refusal) = module::parse(words)
-            .and_then(|module| reflect::reflect(&module, stage))
-            .map_err(|reason| Error::shader(label, reason))?;
+        let module = module::parse(words).map_err(|reason| Error::shader(label, reason))?;
+        let (reflection, refusal) =
+            reflect::reflect(&module, stage).map_err(|reason| Error::shader(label, reason))?;
+        let wide_constants = reflect::wide_constants(&module);
         let mut hasher = DefaultHasher::new();
         words.hash(&mut hasher);
         let (label, hash) = (label.into(), hasher.finish());
-        Ok(Shader { label, stage, spirv: words.to_vec(), reflection, refusal, hash })
+        let spirv = words.to_vec();
+        Ok(Shader { label, stage, spirv, reflection, refusal, wide_constants, hash })
     }
 
     /// The shader, if a pass can draw with it.
@@ -337,6 +357,7 @@ mod tests {
             spirv: words.to_vec(),
             reflection: Reflection::default(),
             refusal: None,
+            wide_constants: Vec::new(),
             hash,
         };
         let one = shader("one", &[1, 2, 3], 7);

@@ -13,13 +13,15 @@ use rspirv::{
     dr::{self, Instruction, Operand},
     spirv::{self, Capability, Decoration, Op, Word},
 };
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 /// A result, or a refusal without the shader's name.
 pub(super) type Outcome<T> = Result<T, String>;
 
 /// The largest id that SPIR-V's universal limits promise to be accepted.
 const MAX_ID: Word = 0x3f_ffff;
+/// Types and constants inside each other. SPIR-V's universal limits promise 255 for structs.
+const MAX_DEPTH: u32 = 1000;
 
 /// Reads a module.
 pub(super) fn parse(words: &[u32]) -> Outcome<dr::Module> {
@@ -33,6 +35,7 @@ pub(super) fn parse(words: &[u32]) -> Outcome<dr::Module> {
         }
     }
     check_order(&module)?;
+    check_depth(&module)?;
     let defined: HashSet<Word> = module.all_inst_iter().filter_map(|i| i.result_id).collect();
     module.debug_names.retain(|i| ids(i).all(|id| defined.contains(&id)));
     for instruction in module.all_inst_iter() {
@@ -75,6 +78,20 @@ fn check_order(module: &dr::Module) -> Outcome<()> {
         {
             return Err(format!("not a SPIR-V module: id {id} is defined twice"));
         }
+    }
+    Ok(())
+}
+
+/// Checks that declarations are not nested so deep that a walk through them fills the stack.
+fn check_depth(module: &dr::Module) -> Outcome<()> {
+    let mut depths: HashMap<Word, u32> = HashMap::new();
+    for instruction in &module.types_global_values {
+        let inner = ids(instruction).chain(instruction.result_type);
+        let depth = inner.filter_map(|id| depths.get(&id)).max().map_or(0, |depth| depth + 1);
+        if depth > MAX_DEPTH {
+            return Err(format!("declarations nested more than {MAX_DEPTH} deep"));
+        }
+        depths.extend(instruction.result_id.map(|id| (id, depth)));
     }
     Ok(())
 }

@@ -75,6 +75,18 @@ fn specialization(index: &Index, usage: &Usage) -> Vec<u32> {
     found
 }
 
+/// The `constant_id`s whose constants are not 32 bits wide, used or not: drivers look at all of them.
+pub(super) fn wide_constants(module: &dr::Module) -> Vec<u32> {
+    let index = Index::new(module);
+    let is_wide = |i: &&Instruction| {
+        let number = i.result_type.and_then(|ty| index.def(ty).ok());
+        let number = number.filter(|ty| matches!(ty.class.opcode, Op::TypeInt | Op::TypeFloat));
+        number.is_some_and(|ty| ty.operands.first() != Some(&Operand::LiteralBit32(32)))
+    };
+    let wide = module.types_global_values.iter().filter(is_wide).filter_map(|i| i.result_id);
+    wide.filter_map(|id| index.literal(id, Decoration::SpecId)).collect()
+}
+
 fn is_discard(op: Op) -> bool {
     matches!(op, Op::Kill | Op::TerminateInvocation | Op::DemoteToHelperInvocation)
 }

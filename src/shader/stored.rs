@@ -6,7 +6,7 @@
 //! so two sources can never be taken for each other. Sources that include others are compiled every
 //! time: the text of the included files is not part of the key.
 
-use super::Stage;
+use super::{Stage, include};
 use crate::cache;
 use std::{
     path::{Path, PathBuf},
@@ -22,7 +22,7 @@ pub(super) struct Entry {
 impl Entry {
     /// The entry for a source, if results are kept and this one may be.
     pub fn new(folder: Option<&Path>, stage: Stage, source: &str) -> Option<Self> {
-        if source.contains("#include") {
+        if include::is_in(source) {
             return None;
         }
         let key =
@@ -82,6 +82,15 @@ mod tests {
         let other = Entry { file: first.file.clone(), key: b"other".to_vec() };
         assert_eq!(other.read(), None);
         assert!(Entry::new(None, Stage::Vertex, "").is_none());
-        assert!(Entry::new(Some(folder.path()), Stage::Vertex, "#include \"a\"").is_none());
+        for including in [
+            "#include \"a\"",
+            " # include \"a\"",
+            "#\t/* */ include <a>",
+            "#\\\ninc\\\r\nlude \"a\"",
+        ] {
+            let entry = Entry::new(Some(folder.path()), Stage::Vertex, including);
+            assert!(entry.is_none(), "{including}");
+        }
+        entry(Stage::Vertex, "#define a // it may include more");
     }
 }

@@ -30,7 +30,7 @@ fn merged(vertex: &Shader, fragment: &Shader) -> std::result::Result<Vec<Resourc
             None => all.push(*resource),
             Some(other) if other.kind != resource.kind => {
                 return Err(format!(
-                    "set {} binding {} is {:?} in `{}` and {:?} in `{}`",
+                    "set {} binding {} is {} in `{}` and {} in `{}`",
                     other.set,
                     other.binding,
                     other.kind,
@@ -68,6 +68,7 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
             return Err(format!("a stride of {} bytes; at most {STRIDE_BYTES}", binding.stride));
         }
     }
+    check_specialization(pipeline)?;
     check_attributes(pipeline)?;
     check_varyings(pipeline)?;
     check_outputs(&pipeline.fragment)?;
@@ -85,6 +86,24 @@ fn check_outputs(fragment: &Shader) -> Fault {
         )),
         None => Ok(()),
     }
+}
+
+/// Whether each constant is set once, and takes the 32 bits that a pipeline has for it.
+fn check_specialization(pipeline: &Pipeline) -> Fault {
+    let mut named = HashSet::new();
+    for &(id, _) in &pipeline.specialization {
+        if !named.insert(id) {
+            return Err(format!("specialization constant {id} is set twice"));
+        }
+        let shaders = [&pipeline.vertex, &pipeline.fragment];
+        if let Some(shader) = shaders.into_iter().find(|s| s.wide_constants.contains(&id)) {
+            return Err(format!(
+                "specialization constant {id} of `{}` is not 32 bits wide; pipelines set 32 bits",
+                shader.label
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn check_attributes(pipeline: &Pipeline) -> Fault {

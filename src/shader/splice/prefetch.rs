@@ -60,8 +60,16 @@ pub(super) fn prefetch(
     let mut instead: HashMap<Word, Word> = HashMap::new();
     let chains = chains(linker, functions, &blocks);
     let index = Index::new(&linker.module);
+    // The hook looks at no bounds: what an index beyond an array selects stays in the block, where devices do.
+    let bytes: HashMap<Word, u32> = (blocks.iter())
+        .filter_map(|(variable, (ty, _))| Some((*variable, block::bytes(&index, *ty).ok()?)))
+        .collect();
     let words: Vec<_> = (chains.iter())
-        .map(|(_, (variable, indices), _)| block::words(&index, blocks[variable].0, indices).ok())
+        .map(|(_, (variable, indices), _)| {
+            let words = block::words(&index, blocks[variable].0, indices).ok()?;
+            let inside = bytes.get(variable)? / 4;
+            words.iter().all(|&word| word < inside).then_some(words)
+        })
         .collect();
     for ((result, place, ty), words) in chains.into_iter().zip(words) {
         if let Some(&stand_in) = known.get(&place) {
