@@ -22,13 +22,7 @@ const SENTENCE_CHARS: usize = 500;
 ///
 /// # Errors
 /// The validator's sentence, or how to get a validator.
-<<<<<<< HEAD
 pub(crate) fn validate(words: &[u32]) -> Outcome<()> {
-    let mut child = Command::new("spirv-val")
-        // The engine asks every device for scalar block layout.
-        .args(["--target-env", "vulkan1.3", "--scalar-block-layout", "-"])
-=======
-pub(super) fn validate(words: &[u32]) -> Outcome<()> {
     let mut command = Command::new("spirv-val");
     // The engine asks every device for scalar block layout.
     command.args(["--target-env", "vulkan1.3", "--scalar-block-layout", "-"]);
@@ -37,7 +31,6 @@ pub(super) fn validate(words: &[u32]) -> Outcome<()> {
 
 fn validate_by(mut command: Command, words: &[u32]) -> Outcome<()> {
     let mut child = command
->>>>>>> 0e5d7ae1df484039329fc33d14739fd75df8c371
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -65,10 +58,6 @@ fn validate_by(mut command: Command, words: &[u32]) -> Outcome<()> {
     if valid? { Ok(()) } else { Err(sentence(&said)) }
 }
 
-<<<<<<< HEAD
-/// Whether the validator accepts the module, and its message.
-fn wait(child: &mut Child) -> Outcome<(bool, String)> {
-=======
 /// The beginning of what the validator says, all of which is read.
 fn beginning(mut stderr: ChildStderr) -> String {
     let mut said = Vec::new();
@@ -79,7 +68,6 @@ fn beginning(mut stderr: ChildStderr) -> String {
 
 /// Whether the validator is content.
 fn wait(child: &mut Child) -> Outcome<bool> {
->>>>>>> 0e5d7ae1df484039329fc33d14739fd75df8c371
     let begin = Instant::now();
     loop {
         match child.try_wait() {
