@@ -186,7 +186,7 @@ void main() { color = uvec4(1); }";
         p.pipeline.vertex = shader(Stage::Vertex, "far.vert", &vertex);
         p.pipeline.fragment = shader(Stage::Fragment, "far.frag", &fragment);
     });
-    refused(&["set 1 binding 0", "Storage", "Uniform"], |p| {
+    refused(&["set 1 binding 0", "a storage block in", "a uniform block in"], |p| {
         let body = "layout(set = 1, binding = 0) readonly buffer Block { vec2 uvs[]; };
 layout(location = 0) out vec2 uv;
 layout(location = 1) flat out uint id;
@@ -201,7 +201,7 @@ fn bindings() {
     refused(&["draw 0", "brick", "4 bytes of push", "8"], |p| p.draw.push_constants.truncate(4));
     refused(&["set 1 binding 0", "not bound"], |p| p.entries.clear());
     refused(&["set 1 binding 0", "not bound"], |p| p.entries[0].binding = 1);
-    refused(&["set 1 binding 0", "Sampler"], |p| {
+    refused(&["set 1 binding 0", "a sampler is bound"], |p| {
         p.entries[0].resources = vec![Binding::Sampler(Sampler::default())];
     });
     let uniform = |offset, bytes| {
