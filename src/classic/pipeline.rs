@@ -176,8 +176,7 @@ impl<'g> Modules<'g> {
                 return Err(Error::shader(&shader.label, reason));
             }
             let info = vk::ShaderModuleCreateInfo::default().code(&shader.spirv);
-            // SAFETY: a `Shader` is valid SPIR-V: the compiler or the validator says so, or the caller of
-            // `Shader::from_spirv_unchecked` promised it.
+            // SAFETY: `Shader` was parsed and reflected; the words are passed as they are.
             let module = unsafe { gpu.0.device.create_shader_module(&info, None) }
                 .map_err(|e| Error::shader(&shader.label, format!("the driver refuses it: {e}")))?;
             modules.raw.push(module);

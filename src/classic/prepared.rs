@@ -18,8 +18,6 @@ pub struct Prepared {
     color: Target,
     depth: Option<Target>,
     extent: Extent,
-    /// Whether the targets have content, and the layout that copies expect.
-    executed: bool,
 }
 
 /// A target and where the host reads it.
@@ -43,7 +41,7 @@ impl Prepared {
             None => None,
         };
         let draws = recorded(gpu, resources, pass, compiled, &color, depth.as_ref())?;
-        Ok(Self { draws, color, depth, extent: pass.extent, executed: false })
+        Ok(Self { draws, color, depth, extent: pass.extent })
     }
 
     /// Replaces the draws by those of `pass`, whose targets are those that are here.
@@ -64,17 +62,14 @@ impl Prepared {
     /// # Errors
     /// [`crate::Error::Lost`] if the device was lost or did not answer in time.
     pub fn execute(&mut self) -> Result<u64> {
-        let timings = self.draws.run()?;
-        self.executed = true;
-        Ok(timings.total_ns)
+        Ok(self.draws.run()?.total_ns)
     }
 
     /// The targets after the last [`Prepared::execute`].
     ///
     /// # Errors
-    /// As [`Prepared::execute`], and [`Error::Usage`] if nothing was executed yet.
+    /// As [`Prepared::execute`].
     pub fn read(&mut self) -> Result<Frame> {
-        self.check_executed()?;
         let depth = self.depth.as_mut().map(|depth| depth.read(self.extent)).transpose()?;
         Ok(Frame { color: self.read_color()?, depth })
     }
@@ -82,20 +77,9 @@ impl Prepared {
     /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
     ///
     /// # Errors
-    /// As [`Prepared::read`].
+    /// As [`Prepared::execute`].
     pub fn read_color(&mut self) -> Result<image::Image> {
-        self.check_executed()?;
         self.color.read(self.extent)
-    }
-
-    fn check_executed(&self) -> Result<()> {
-        match self.executed {
-            true => Ok(()),
-            false => Err(Error::Usage(
-                "the targets of a prepared pass are read before they were drawn: execute it first"
-                    .into(),
-            )),
-        }
     }
 }
 

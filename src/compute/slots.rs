@@ -44,12 +44,7 @@ impl TablePool {
     /// An empty table.
     fn take(&mut self) -> Result<ResourceTable> {
         match self.tables.iter().position(|(table, _)| !table.is_bound()) {
-            Some(free) => {
-                let (mut table, _) = self.tables.swap_remove(free);
-                // Another thread may have let go of it since the pass began.
-                table.clear()?;
-                Ok(table)
-            }
+            Some(free) => Ok(self.tables.swap_remove(free).0),
             None => ResourceTable::new(&self.gpu),
         }
     }

@@ -23,7 +23,7 @@ mod stored;
 #[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
 mod system;
 mod usage;
-pub(crate) mod validate;
+mod validate;
 
 /// What tests of kernels elsewhere need of those here.
 #[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]

@@ -22,7 +22,7 @@ const SENTENCE_CHARS: usize = 500;
 ///
 /// # Errors
 /// The validator's sentence, or how to get a validator.
-pub(crate) fn validate(words: &[u32]) -> Outcome<()> {
+pub(super) fn validate(words: &[u32]) -> Outcome<()> {
     let mut command = Command::new("spirv-val");
     // The engine asks every device for scalar block layout.
     command.args(["--target-env", "vulkan1.3", "--scalar-block-layout", "-"]);

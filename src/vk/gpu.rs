@@ -353,14 +353,6 @@ impl Shared {
         found.buffer_features.contains(vk::FormatFeatureFlags::VERTEX_BUFFER)
     }
 
-    /// The uses that images of this format may have.
-    pub fn image_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
-        let raw = &self.instance.raw;
-        // SAFETY: the physical device belongs to the instance.
-        let found = unsafe { raw.get_physical_device_format_properties(self.physical, format) };
-        found.optimal_tiling_features
-    }
-
     /// Names a Vulkan object for the validation layer's messages and for captures.
     pub fn set_name<H: vk::Handle>(&self, handle: H, name: &str) {
         let Some(debug) = self.debug.as_ref().filter(|_| self.validation) else { return };

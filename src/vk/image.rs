@@ -8,7 +8,7 @@ use crate::{
 };
 use ash::vk;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
-use std::sync::{Arc, atomic::AtomicBool};
+use std::sync::Arc;
 
 /// What an image is for; it decides usage and resting layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -19,17 +19,6 @@ pub enum ImageUse {
     Storage,
     /// A colour or depth attachment that is copied out.
     Attachment,
-}
-
-impl ImageUse {
-    /// For messages: images of this use.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Sampled => "sampled images",
-            Self::Storage => "storage images",
-            Self::Attachment => "attachments",
-        }
-    }
 }
 
 /// How to make an [`Image`].
@@ -59,8 +48,6 @@ pub(crate) struct RawImage {
     pub format: Format,
     pub levels: u32,
     pub usage: ImageUse,
-    /// Whether an upload was recorded: before that, the image has neither content nor layout.
-    pub uploaded: AtomicBool,
     allocation: Option<Allocation>,
     pub(super) gpu: Arc<Shared>,
 }
@@ -69,8 +56,7 @@ impl Image {
     /// An image with undefined content.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a side or the levels are 0, if there are more levels than halvings of the longer
-    /// side, or if the device has no such images of the format; [`Error::Full`] if it has more pixels a side than the device allows, [`Error::Capacity`] if
+    /// [`Error::Full`] if it has more pixels a side than the device allows, [`Error::Capacity`] if
     /// there is no memory for it.
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", info.name, info.extent);
@@ -86,15 +72,6 @@ impl Image {
                 gpu.name()
             )));
         }
-        let largest = info.extent.width.max(info.extent.height);
-        let most = largest.checked_ilog2().map_or(0, |log2| log2 + 1);
-        if info.extent.width.min(info.extent.height) == 0 || !(1..=most).contains(&info.levels) {
-            return Err(Error::Usage(format!(
-                "{what} cannot have {} levels: an image has at least one pixel a side, and from one level \
-                 to as many as halve its longer side to one pixel",
-                info.levels
-            )));
-        }
         let shared = gpu.0.clone();
         let depth = info.format == Format::D32Float;
         let transfer = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
@@ -104,20 +81,6 @@ impl Image {
             (ImageUse::Attachment, true) => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
             (ImageUse::Attachment, false) => vk::ImageUsageFlags::COLOR_ATTACHMENT,
         };
-        let needed = match (info.usage, depth) {
-            (ImageUse::Sampled, _) => vk::FormatFeatureFlags::SAMPLED_IMAGE,
-            (ImageUse::Storage, _) => vk::FormatFeatureFlags::STORAGE_IMAGE,
-            (ImageUse::Attachment, true) => vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT,
-            (ImageUse::Attachment, false) => vk::FormatFeatureFlags::COLOR_ATTACHMENT,
-        };
-        if !shared.image_features(vk_format(info.format)).contains(needed) {
-            let use_of = info.usage.name();
-            return Err(Error::Usage(format!(
-                "{what} cannot be made: {} has no {use_of} of format {:?}",
-                gpu.name(),
-                info.format
-            )));
-        }
         let create = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(vk_format(info.format))
@@ -140,7 +103,6 @@ impl Image {
             format: info.format,
             levels: info.levels,
             usage: info.usage,
-            uploaded: AtomicBool::new(false),
             allocation: None,
             gpu: shared.clone(),
         };

@@ -7,16 +7,9 @@ use super::{
     instance::WITH_DERIVATIVES,
     reflect::{BlockBinding, KernelReflection, reflect},
 };
-use crate::{
-    error::{Error, Result},
-    load_spirv::load,
-    shader::validate::validate,
-};
+use crate::error::{Error, Result};
 use ash::vk;
-use rspirv::{
-    dr::{Instruction, Operand},
-    spirv::{Capability, ExecutionModel},
-};
+use rspirv::spirv::Capability;
 use std::{
     collections::{HashMap, HashSet},
     sync::Arc,
@@ -58,10 +51,9 @@ impl Kernel {
     /// by descriptor, so that the device checks bounds.
     ///
     /// # Errors
-    /// [`Error::Usage`] names the fault: the words are no module, `spirv-val` does not find them valid, the module
-    /// reaches memory by address, which is not checked against bounds, a constant does not exist, or the
-    /// workgroup or the push constants are larger than the device allows. [`Error::Device`] if the driver
-    /// refuses it.
+    /// [`Error::Usage`] names the fault: the words are no module, the module reaches memory by address, which
+    /// is not checked against bounds, a constant does not exist, or the workgroup or the push constants are
+    /// larger than the device allows. [`Error::Device`] if the driver refuses it.
     pub fn new(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         if declares(info.spirv, Capability::PhysicalStorageBufferAddresses) {
             return Err(Error::Usage(format!(
@@ -69,16 +61,12 @@ impl Kernel {
                 info.name
             )));
         }
-        let fault = |text: String| Error::Usage(format!("kernel `{}` {text}", info.name));
-        check_entry_point(info.spirv).map_err(fault)?;
-        validate(info.spirv)
-            .map_err(|reason| Error::Usage(format!("kernel `{}`: {reason}", info.name)))?;
         Self::make(gpu, info, false)
     }
 
-    /// As [`Kernel::new`], for a module that is valid and keeps to the bounds of its own buffers. These are the
-    /// engine's kernels, also with a user's shader in them, which sees only the resource table. Such a kernel
-    /// reaches its buffers by address if that is faster on this driver.
+    /// As [`Kernel::new`], for a module that keeps to the bounds of its own buffers. These are the engine's
+    /// kernels, also with a user's shader in them, which sees only the resource table. Such a kernel reaches
+    /// its buffers by address if that is faster on this driver.
     pub(crate) fn trusted(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         Self::make(gpu, info, gpu.0.addresses)
     }
@@ -158,23 +146,6 @@ impl Kernel {
 impl std::fmt::Debug for Kernel {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Kernel `{}`", self.0.name)
-    }
-}
-
-/// Whether the module has the entry point that the pipeline asks for.
-fn check_entry_point(words: &[u32]) -> std::result::Result<(), String> {
-    let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
-    let is_main = |entry: &Instruction| {
-        matches!(&entry.operands[..], [
-            Operand::ExecutionModel(ExecutionModel::GLCompute),
-            _,
-            Operand::LiteralString(name),
-            ..
-        ] if name == "main")
-    };
-    match module.entry_points.iter().any(is_main) {
-        true => Ok(()),
-        false => Err("has no compute entry point `main`".into()),
     }
 }
 
@@ -266,8 +237,8 @@ impl RawKernel {
     ) -> Result<()> {
         let what = format!("compiling kernel `{}`", self.name);
         let module_info = vk::ShaderModuleCreateInfo::default().code(spirv);
-        // SAFETY: the module is valid, which the driver takes for granted: `Kernel::new` asked the
-        // validator, and what is trusted comes from our compiler and splicer.
+        // SAFETY: reflection parsed the module; the driver validates no further, which is why
+        // kernels come from our compiler and splicer only.
         let module = unsafe { self.gpu.device.create_shader_module(&module_info, None) }
             .map_err(|e| self.gpu.failure(&what, e))?;
         if has_compute_derivatives(info.spirv) {

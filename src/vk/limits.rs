@@ -43,8 +43,6 @@ pub(crate) struct DrawLimits {
     pub samplers: u32,
     /// Bytes of a uniform block.
     pub uniform_bytes: u32,
-    /// Alignment of the offset of a uniform block.
-    pub uniform_offset_bytes: u64,
     pub vertex_bindings: u32,
     /// Locations of vertex attributes, of vertex outputs, of fragment inputs, of fragment outputs.
     pub vertex_attributes: u32,
@@ -61,7 +59,6 @@ pub(super) fn draw_limits(l: &vk::PhysicalDeviceLimits) -> DrawLimits {
         images: l.max_per_stage_descriptor_sampled_images,
         samplers: l.max_per_stage_descriptor_samplers,
         uniform_bytes: l.max_uniform_buffer_range,
-        uniform_offset_bytes: l.min_uniform_buffer_offset_alignment,
         vertex_bindings: l.max_vertex_input_bindings,
         vertex_attributes: l.max_vertex_input_attributes,
         vertex_outputs: l.max_vertex_output_components / 4,

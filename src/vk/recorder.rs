@@ -16,12 +16,12 @@ use super::{
     owner::{Owned, same_device},
     recording::{Commands, Recording, Timings},
     reflect::BindingKind,
-    table::{RawTable, ResourceTable, check_binding, check_uniform},
+    table::{RawTable, ResourceTable, check_binding},
 };
 use crate::error::{Error, Result};
 use ash::vk;
 use bytemuck::Pod;
-use std::sync::{Arc, atomic::Ordering};
+use std::sync::Arc;
 
 /// Records work for the device, in order.
 pub struct Recorder {
@@ -102,7 +102,7 @@ impl Recorder {
     /// Fills all of `buffer` with `word`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it does not start at a whole word or has no whole number of them.
+    /// [`Error::Usage`] if it does not start at a whole word.
     pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) -> Result<()> {
         same_device(self, buffer)?;
         let (raw, offset) = (buffer.raw().clone(), buffer.offset());
@@ -113,13 +113,6 @@ impl Recorder {
             let name = buffer.name();
             return Err(Error::Usage(format!("buffer `{name}` is filled from byte {offset} on")));
         }
-        if !buffer.bytes().is_multiple_of(4) {
-            return Err(Error::Usage(format!(
-                "buffer `{}` is filled with words, and its {} bytes are no whole number of them",
-                buffer.name(),
-                buffer.bytes()
-            )));
-        }
         self.barrier();
         // SAFETY: the range is whole words inside the buffer.
         unsafe {
@@ -127,7 +120,7 @@ impl Recorder {
                 self.commands.raw,
                 raw.handle,
                 offset,
-                buffer.bytes(),
+                buffer.descriptor_bytes(),
                 word,
             );
         }
@@ -138,7 +131,7 @@ impl Recorder {
     /// Copies all of `from` to the start of `to`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it does not fit, or if it overlaps with where it goes.
+    /// [`Error::Usage`] if it does not fit.
     pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) -> Result<()> {
         same_device(self, from)?;
         same_device(self, to)?;
@@ -153,15 +146,6 @@ impl Recorder {
         }
         if from.is_empty() {
             return Ok(());
-        }
-        let (start, end) = (from.offset().max(to.offset()), from.bytes());
-        let end = (from.offset() + end).min(to.offset() + end);
-        if from.raw().handle == to.raw().handle && start < end {
-            return Err(Error::Usage(format!(
-                "a copy inside buffer `{}` reads the bytes {start} to {end} that it writes; copy by way of \
-                 another buffer",
-                from.name()
-            )));
         }
         self.barrier();
         let region = [vk::BufferCopy::default()
@@ -241,7 +225,6 @@ impl Recorder {
             );
         }
         self.transition(image, vk::ImageLayout::TRANSFER_DST_OPTIMAL, raw.shader_layout());
-        raw.uploaded.store(true, Ordering::Relaxed);
         self.commands.keep(staging.raw().clone());
         Ok(())
     }
@@ -313,9 +296,6 @@ impl Dispatch<'_> {
             return fault(format!("has `{name}` bound twice"));
         }
         let (offset, bytes) = check_binding(&self.recorder.gpu, buffer)?;
-        if block.kind == BindingKind::Uniform {
-            check_uniform(&self.recorder.gpu, buffer)?;
-        }
         let by_address = matches!(block.kind, BindingKind::Address(_));
         if by_address && !(buffer.raw().address + offset).is_multiple_of(BLOCK_BYTES) {
             return fault(format!(

@@ -25,7 +25,7 @@ use bytemuck::Pod;
 use std::{
     any::Any,
     collections::HashMap,
-    sync::{Arc, Mutex, PoisonError, RwLockWriteGuard, atomic::Ordering},
+    sync::{Arc, Mutex, PoisonError, RwLockWriteGuard},
 };
 
 /// Slots of each kind. If a device offers fewer of a kind, their number is cut down when it is opened.
@@ -342,20 +342,13 @@ impl ResourceTable {
         if let Some(slot) = self.known(&key) {
             return Ok(slot);
         }
-        let wanted = if key.0 == 3 { ImageUse::Storage } else { ImageUse::Sampled };
-        if image.0.usage != wanted {
+        let storage = key.0 == 3;
+        if storage != (image.0.usage == ImageUse::Storage) {
             return Err(Error::Usage(format!(
-                "image `{}` was made as one of the {} and cannot be one of the table's {}",
+                "image `{}` is for {:?} and cannot be one of the table's {}",
                 image.name(),
-                image.0.usage.name(),
+                image.0.usage,
                 KINDS[key.0 as usize].1
-            )));
-        }
-        if !image.0.uploaded.load(Ordering::Relaxed) {
-            return Err(Error::Usage(format!(
-                "image `{}` has no content yet and cannot be in the table: upload it first \
-                 (`Recorder::upload_image`)",
-                image.name()
             )));
         }
         let gpu = self.raw.gpu.clone();
@@ -490,24 +483,4 @@ pub(super) fn check_binding<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Result<(u6
         )));
     }
     Ok((offset, bytes))
-}
-
-/// Whether the device allows the binding as a uniform block.
-pub(super) fn check_uniform<T: Pod>(gpu: &Gpu, buffer: &Buffer<T>) -> Result<()> {
-    let limits = gpu.0.draw_limits;
-    let (offset, bytes) = (buffer.offset(), buffer.descriptor_bytes());
-    if bytes > limits.uniform_bytes.into() {
-        let limit_of = format!("one uniform block on {}", gpu.name());
-        let what = format!("buffer `{}`", buffer.name());
-        return Err(capacity(&what, bytes, limit_of, limits.uniform_bytes.into()));
-    }
-    if !offset.is_multiple_of(limits.uniform_offset_bytes) {
-        return Err(Error::Usage(format!(
-            "buffer `{}` is bound as a uniform block from byte {offset} on; {} asks for multiples of {}",
-            buffer.name(),
-            gpu.name(),
-            limits.uniform_offset_bytes
-        )));
-    }
-    Ok(())
 }
