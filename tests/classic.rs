@@ -117,6 +117,19 @@ fn half_of_the_target_is_covered_by_one_triangle() {
 }
 
 #[test]
+fn targets_are_read_only_after_they_were_drawn() {
+    on_each_gpu("targets are read only after they were drawn", |gpu| {
+        let pass = pass(Extent::new(4, 4), vec![flat_pipeline()], vec![full_screen(0.5, BLUE)]);
+        let mut prepared = Renderer::new(gpu).unwrap().prepare(&pass).unwrap();
+        for error in [prepared.read().unwrap_err(), prepared.read_color().unwrap_err()] {
+            assert!(error.to_string().contains("execute it first"), "{error}");
+        }
+        prepared.execute().unwrap();
+        assert_eq!(prepared.read_color().unwrap().texel(3, 3), BLUE);
+    });
+}
+
+#[test]
 fn nearer_wins_and_depth_is_read_back() {
     on_each_gpu("nearer wins and depth is read back", |gpu| {
         let mut near = full_screen(0.25, GREEN);

@@ -338,6 +338,39 @@ void main() { at.word = 1u; }",
     assert!(error.to_string().contains("`wild` reaches memory by address"), "{error}");
 }
 
+#[test]
+fn copies_and_fills_keep_to_their_slices() {
+    on_each_gpu("copies and fills keep to their slices", |gpu| {
+        let bytes = Buffer::<u8>::new(gpu, "bytes", 64, Memory::Device).unwrap();
+        let slice = |range| bytes.slice(range).unwrap();
+        let mut recorder = Recorder::new(gpu, "slices").unwrap();
+        let error = recorder.fill(&slice(0..5), 0).unwrap_err();
+        assert!(error.to_string().contains("5 bytes of buffer `bytes`"), "{error}");
+        recorder.fill(&bytes, 7).unwrap();
+        let error = recorder.copy(&slice(0..16), &slice(8..24)).unwrap_err();
+        assert!(error.to_string().contains("overlaps"), "{error}");
+        recorder.copy(&slice(0..16), &slice(16..32)).unwrap();
+        recorder.submit().unwrap();
+    });
+}
+
+#[test]
+fn images_that_cannot_be_are_refused() {
+    on_each_gpu("images that cannot be are refused", |gpu| {
+        let make = |width, height, levels, usage| {
+            let (extent, format) = (Extent::new(width, height), Format::Rgba8Unorm);
+            Image::new(gpu, &ImageInfo { name: "odd", extent, format, levels, usage })
+        };
+        for (width, height, levels) in [(0, 4, 1), (4, 0, 1), (4, 4, 0), (4, 2, 4)] {
+            let error = make(width, height, levels, ImageUse::Sampled).unwrap_err();
+            assert!(matches!(error, Error::Usage(_)), "{error}");
+        }
+        let attachment = make(4, 2, 1, ImageUse::Attachment).unwrap();
+        let error = ResourceTable::new(gpu).unwrap().insert_texture(&attachment).unwrap_err();
+        assert!(error.to_string().contains("another use"), "{error}");
+    });
+}
+
 const ENDLESS: &str = "#version 460
 layout(local_size_x = 4) in;
 layout(binding = 0) buffer Cells { uint cells[]; };

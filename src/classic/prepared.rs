@@ -18,6 +18,8 @@ pub struct Prepared {
     color: Target,
     depth: Option<Target>,
     extent: Extent,
+    /// Whether the targets have content, and the layout that copies expect.
+    executed: bool,
 }
 
 /// A target and where the host reads it.
@@ -41,7 +43,7 @@ impl Prepared {
             None => None,
         };
         let draws = recorded(gpu, resources, pass, compiled, &color, depth.as_ref())?;
-        Ok(Self { draws, color, depth, extent: pass.extent })
+        Ok(Self { draws, color, depth, extent: pass.extent, executed: false })
     }
 
     /// Replaces the draws by those of `pass`, whose targets are those that are here.
@@ -62,14 +64,17 @@ impl Prepared {
     /// # Errors
     /// [`crate::Error::Lost`] if the device was lost or did not answer in time.
     pub fn execute(&mut self) -> Result<u64> {
-        Ok(self.draws.run()?.total_ns)
+        let timings = self.draws.run()?;
+        self.executed = true;
+        Ok(timings.total_ns)
     }
 
     /// The targets after the last [`Prepared::execute`].
     ///
     /// # Errors
-    /// As [`Prepared::execute`].
+    /// As [`Prepared::execute`], and [`Error::Usage`] if nothing was executed yet.
     pub fn read(&mut self) -> Result<Frame> {
+        self.check_executed()?;
         let depth = self.depth.as_mut().map(|depth| depth.read(self.extent)).transpose()?;
         Ok(Frame { color: self.read_color()?, depth })
     }
@@ -77,9 +82,19 @@ impl Prepared {
     /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
     ///
     /// # Errors
-    /// As [`Prepared::execute`].
+    /// As [`Prepared::read`].
     pub fn read_color(&mut self) -> Result<image::Image> {
+        self.check_executed()?;
         self.color.read(self.extent)
+    }
+
+    fn check_executed(&self) -> Result<()> {
+        match self.executed {
+            true => Ok(()),
+            false => Err(Error::Usage(
+                "the targets of a prepared pass have no content yet: execute it first".into(),
+            )),
+        }
     }
 }
 

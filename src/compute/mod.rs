@@ -145,10 +145,15 @@ impl Renderer {
         self.kernels.next_pass();
         self.tables.next_pass()?;
         let mut slots = TableSlots::new(&self.gpu, &mut self.resources, &mut self.tables)?;
-        let plan = Plan::new(pass, self.limit, &mut self.ranges, &mut slots)?;
+        let plan = Plan::new(pass, self.limit, &mut self.ranges, &mut slots);
         let tables = slots.into_tables();
-        self.resources.flush()?;
-        Ok((plan, tables))
+        match plan.and_then(|plan| self.resources.flush().map(|()| plan)) {
+            Ok(plan) => Ok((plan, tables)),
+            Err(error) => {
+                self.tables.put_back(tables.tables);
+                Err(error)
+            }
+        }
     }
 }
 

@@ -44,7 +44,12 @@ impl TablePool {
     /// An empty table.
     fn take(&mut self) -> Result<ResourceTable> {
         match self.tables.iter().position(|(table, _)| !table.is_bound()) {
-            Some(free) => Ok(self.tables.swap_remove(free).0),
+            Some(free) => {
+                let (mut table, _) = self.tables.swap_remove(free);
+                // Another thread may have let go of it since the pass began.
+                table.clear()?;
+                Ok(table)
+            }
             None => ResourceTable::new(&self.gpu),
         }
     }

@@ -8,6 +8,9 @@ use super::requirements::Probe;
 use ash::vk::{SubgroupFeatureFlags, TRUE};
 use rspirv::spirv::{Capability, Op};
 
+/// Instructions without effect, which may stand between any others.
+const NO_EFFECT: [Op; 4] = [Op::Nop, Op::Line, Op::NoLine, Op::ModuleProcessed];
+
 /// Whether the device offers the feature that a capability needs.
 type Offers = fn(&Probe) -> bool;
 
@@ -111,17 +114,22 @@ pub(super) fn declares(words: &[u32], capability: Capability) -> bool {
     declared(words).any(|declared| declared == capability as u32)
 }
 
-/// The capabilities that the module declares. They come first in it.
+/// The capabilities that the module declares. Nothing but instructions without effect may stand before
+/// and between them.
 fn declared(words: &[u32]) -> impl Iterator<Item = u32> {
     const HEADER_WORDS: usize = 5;
     let mut rest = words.get(HEADER_WORDS..).unwrap_or_default();
-    std::iter::from_fn(move || match *rest {
-        [first, capability, ..] if first & 0xffff == Op::Capability as u32 => {
+    std::iter::from_fn(move || {
+        loop {
+            let (&first, operands) = rest.split_first()?;
             // A length of 0 is nonsense and must not be an endless loop.
             rest = rest.get((first >> 16).max(1) as usize..).unwrap_or_default();
-            Some(capability)
+            match first & 0xffff {
+                op if op == Op::Capability as u32 => return operands.first().copied(),
+                op if NO_EFFECT.iter().any(|known| *known as u32 == op) => {}
+                _ => return None,
+            }
         }
-        _ => None,
     })
 }
 
@@ -144,6 +152,10 @@ mod tests {
         assert!(!has_compute_derivatives(&words));
         words.extend(op(Capability::ComputeDerivativeGroupLinearKHR));
         assert!(has_compute_derivatives(&words));
+        let mut hidden = words.clone();
+        hidden.splice(5..5, [1 << 16 | Op::Nop as u32]);
+        assert_eq!(missing_feature(&lacking, &hidden), Some("geometryShader"));
+        assert!(has_compute_derivatives(&hidden));
         words[5] = Op::Capability as u32;
         assert_eq!(missing_feature(&lacking, &words), None);
     }

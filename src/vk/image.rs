@@ -56,7 +56,8 @@ impl Image {
     /// An image with undefined content.
     ///
     /// # Errors
-    /// [`Error::Full`] if it has more pixels a side than the device allows, [`Error::Capacity`] if
+    /// [`Error::Usage`] if a side has no pixels, or if the levels are none or more than halve the longer side to
+    /// one pixel. [`Error::Full`] if it has more pixels a side than the device allows, [`Error::Capacity`] if
     /// there is no memory for it.
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", info.name, info.extent);
@@ -70,6 +71,15 @@ impl Image {
             return Err(Error::Full(format!(
                 "{what} is larger than {} allows: {of} have at most {side} pixels a side",
                 gpu.name()
+            )));
+        }
+        let most =
+            info.extent.width.max(info.extent.height).checked_ilog2().map_or(0, |log2| log2 + 1);
+        if info.extent.width.min(info.extent.height) == 0 || !(1..=most).contains(&info.levels) {
+            return Err(Error::Usage(format!(
+                "{what} cannot have {} levels: each side has at least one pixel, and this size has 1 to {most} \
+                 levels",
+                info.levels
             )));
         }
         let shared = gpu.0.clone();

@@ -102,16 +102,19 @@ impl Recorder {
     /// Fills all of `buffer` with `word`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it does not start at a whole word.
+    /// [`Error::Usage`] if it does not start and end at a whole word.
     pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) -> Result<()> {
         same_device(self, buffer)?;
         let (raw, offset) = (buffer.raw().clone(), buffer.offset());
         if buffer.is_empty() {
             return Ok(());
         }
-        if offset % 4 != 0 {
-            let name = buffer.name();
-            return Err(Error::Usage(format!("buffer `{name}` is filled from byte {offset} on")));
+        if !offset.is_multiple_of(4) || !buffer.bytes().is_multiple_of(4) {
+            let (name, bytes) = (buffer.name(), buffer.bytes());
+            let fault = format!(
+                "{bytes} bytes of buffer `{name}` from byte {offset} on are not whole words"
+            );
+            return Err(Error::Usage(format!("{fault}: a fill writes words of 4 bytes")));
         }
         self.barrier();
         // SAFETY: the range is whole words inside the buffer.
@@ -120,7 +123,7 @@ impl Recorder {
                 self.commands.raw,
                 raw.handle,
                 offset,
-                buffer.descriptor_bytes(),
+                buffer.bytes(),
                 word,
             );
         }
@@ -131,7 +134,7 @@ impl Recorder {
     /// Copies all of `from` to the start of `to`.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it does not fit.
+    /// [`Error::Usage`] if it does not fit, or if both are in one buffer and overlap.
     pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) -> Result<()> {
         same_device(self, from)?;
         same_device(self, to)?;
@@ -146,6 +149,13 @@ impl Recorder {
         }
         if from.is_empty() {
             return Ok(());
+        }
+        let distance = from.offset().abs_diff(to.offset());
+        if from.raw().handle == to.raw().handle && distance < from.bytes() {
+            let name = from.name();
+            return Err(Error::Usage(format!(
+                "a copy inside buffer `{name}` overlaps with its source"
+            )));
         }
         self.barrier();
         let region = [vk::BufferCopy::default()

@@ -247,11 +247,11 @@ impl<'a> Module<'a> {
         let t = self.types.get(&id).ok_or("has an unknown type in a block")?;
         Ok(match t.class.opcode {
             Op::TypeInt | Op::TypeFloat => word(t, 0) / 8,
-            Op::TypeVector => self.size(word(t, 0))? * word(t, 1),
+            Op::TypeVector => product(self.size(word(t, 0))?, word(t, 1))?,
             Op::TypeArray => {
                 let stride = self.decoration(id, Decoration::ArrayStride);
-                stride.ok_or("has an array without a stride")?
-                    * self.constant(word(t, 1)).ok_or("has an array of unknown length")?
+                let length = self.constant(word(t, 1)).ok_or("has an array of unknown length")?;
+                product(stride.ok_or("has an array without a stride")?, length)?
             }
             Op::TypeStruct => {
                 let mut end = 0;
@@ -262,10 +262,10 @@ impl<'a> Module<'a> {
                     };
                     let offset = of(Decoration::Offset).ok_or("has a block without offsets")?;
                     let size = match of(Decoration::MatrixStride) {
-                        Some(stride) => stride * self.columns(word(t, n as usize)),
+                        Some(stride) => product(stride, self.columns(word(t, n as usize)))?,
                         None => self.size(word(t, n as usize))?,
                     };
-                    end = end.max(offset + size);
+                    end = end.max(offset.checked_add(size).ok_or(TOO_LARGE)?);
                 }
                 end
             }
@@ -276,6 +276,13 @@ impl<'a> Module<'a> {
     fn columns(&self, id: Word) -> u32 {
         self.types.get(&id).map_or(0, |t| word(t, 1))
     }
+}
+
+const TOO_LARGE: &str = "has a block of more than 4 GiB";
+
+/// The bytes of `count` elements of `bytes`.
+fn product(bytes: u32, count: u32) -> std::result::Result<u32, String> {
+    bytes.checked_mul(count).ok_or_else(|| TOO_LARGE.into())
 }
 
 /// Operand `n` as an id or a number, 0 if it is neither.

@@ -161,10 +161,15 @@ impl Resources {
     /// As [`super::Recording::run`].
     pub fn flush(&mut self) -> Result<()> {
         self.pending_bytes = 0;
-        match self.pending.take() {
-            Some(recorder) => recorder.submit().map(|_| ()),
-            None => Ok(()),
+        let Some(recorder) = self.pending.take() else { return Ok(()) };
+        let ran = recorder.submit().map(|_| ());
+        if ran.is_err() {
+            // Nobody knows which copies arrived.
+            self.buffers.clear();
+            self.textures.clear();
+            self.padded.clear();
         }
+        ran
     }
 
     fn flush_above(&mut self, bytes: usize) -> Result<()> {

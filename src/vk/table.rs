@@ -342,12 +342,11 @@ impl ResourceTable {
         if let Some(slot) = self.known(&key) {
             return Ok(slot);
         }
-        let storage = key.0 == 3;
-        if storage != (image.0.usage == ImageUse::Storage) {
+        let wanted = if key.0 == 3 { ImageUse::Storage } else { ImageUse::Sampled };
+        if image.0.usage != wanted {
             return Err(Error::Usage(format!(
-                "image `{}` is for {:?} and cannot be one of the table's {}",
+                "image `{}` was made for another use and cannot be one of the table's {}",
                 image.name(),
-                image.0.usage,
                 KINDS[key.0 as usize].1
             )));
         }
