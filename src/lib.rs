@@ -8,7 +8,8 @@
 //! * [`classic`]: `vkCmdDraw` on the same device. The opponent, and the proof that the picture is the one
 //!   the device would have drawn.
 //! * [`mod@reference`]: exact and on the CPU, each stage in the simplest way that could be right. It defines the
-//!   right coverage, depth and primitive ids.
+//!   right coverage, depth and primitive ids. It runs no shaders: from a trace of [`compute`] it takes the
+//!   vertices' clip-space positions and where each batch ends, and everything else from the pass.
 //!
 //! Everything else ([`scene`], [`compare`], `bench`, [`cli`]) uses these types like any other program. The engine
 //! contains no shading of its own: a glTF material is an ordinary pair of shaders too.
@@ -23,7 +24,7 @@
 //! | [`grid`] | all size arithmetic: bands, bins, cells, capacities |
 //! | [`abi`] | the structs and constants that host and kernels share; drift is a compile error |
 //! | [`compute`] | the stages in order, one file each; their kernels are in `glsl/` under the same names |
-//! | [`mod@reference`], [`trace`] | the stages' twins on the CPU; every intermediate of a frame, to be compared |
+//! | [`mod@reference`], [`trace`] | the CPU's own plan and the stages' twins; every intermediate of a frame, to be compared |
 //! | [`classic`] | the same pass through the device's graphics pipeline |
 //! | [`vk`] | devices, memory, kernels, and the only thing that dispatches |
 //! | [`scene`] | glTF, OBJ and built-in scenes as passes |

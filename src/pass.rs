@@ -1,8 +1,9 @@
 //! A recorded pass: targets, pipelines, bindings and draws, as plain data.
 //!
 //! Three executors take the same [`Pass`]: `compute` (the product), `classic` (the device's own
-//! graphics pipeline) and `reference` (the CPU). None of them changes it. Resources are shared by
-//! [`Arc`]; an executor uploads each of them once and recognises it by the identity of its `Arc`.
+//! graphics pipeline) and `reference` (the CPU). None of them changes it, and each derives from it by itself what has
+//! to be drawn. The reference runs no shaders: it takes the positions of vertices from a trace. Resources are shared
+//! by [`Arc`]; an executor of a device uploads each of them once and recognises it by the identity of its `Arc`.
 
 use crate::{
     format::{Format, VertexFormat},

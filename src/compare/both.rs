@@ -83,7 +83,7 @@ fn drawn((frame, ids): &(Frame, Frame)) -> Drawn<'_> {
 fn crosses_border(compute: &mut compute::Renderer, pass: &Pass) -> Result<bool> {
     let whole = |draw: &Draw| Draw { viewport: None, scissor: None, ..draw.clone() };
     let draws = pass.draws.iter().map(whole).collect();
-    let (_, trace) = compute.trace(&Pass { extent: Extent::new(1, 1), draws, ..pass.clone() })?;
-    let batches = 0..trace.batches.len();
-    Ok(batches.into_iter().any(|batch| any_crosses(reference::corners(&trace, batch))))
+    let pass = Pass { extent: Extent::new(1, 1), draws, ..pass.clone() };
+    let (_, trace) = compute.trace(&pass)?;
+    Ok(any_crosses(reference::corners(&pass, &trace.positions)))
 }

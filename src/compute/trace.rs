@@ -2,25 +2,28 @@
 
 use super::{Renderer, frame::Setup};
 use crate::{
-    abi::{self, Triangle},
+    abi::{self, Piece},
     error::Result,
     grid::{Grid, pixel_number},
     pass::{Buffer, Frame},
-    plan::{Method, Plan},
-    trace::{BatchTrace, Parts, Trace},
+    plan::{BatchPlan, Method, Plan},
+    state::Topology,
+    trace::{BatchTrace, Parts, Positions, Primitive, Trace, Triangle, Vertex},
     vk::Recorder,
 };
 use std::{collections::HashMap, sync::Arc};
 
 impl Setup {
+    /// `tables` has for each resource table its index and vertex buffers, by the first of their slots.
     pub(super) fn trace(
         self,
         renderer: &mut Renderer,
         plan: &Plan,
-        buffers: Vec<HashMap<u32, Arc<Buffer>>>,
+        tables: Vec<HashMap<u32, Arc<Buffer>>>,
     ) -> Result<(Frame, Trace)> {
-        let mut trace = Trace { buffers, ..Trace::default() };
+        let (mut shaded, mut bands) = (Vec::new(), Vec::new());
         for (band, target) in self.bands.iter().zip(self.targets()) {
+            let mut batches = Vec::new();
             let pieces = self.pieces(band, plan)?;
             let (gpu, buffers) = self.parts();
             let mut recorder = Recorder::new(gpu, "clear")?;
@@ -28,7 +31,6 @@ impl Setup {
             recorder.submit()?;
             for (number, batch) in plan.batches.iter().enumerate() {
                 let mut recorder = Recorder::new(gpu, "traced batch")?;
-                let depth_before = recorder.download(&target.depth)?;
                 recorder.fill(&buffers.visibility, 0)?;
                 self.batch(
                     renderer,
@@ -53,45 +55,145 @@ impl Setup {
                     let args = &args[..batch.fragment_kernels.len()];
                     show_covered(&mut visibility, band, args, &shade_bins.read()?);
                 }
-                let first = batch.piece_first as usize;
-                let last = first + batch.piece_count as usize;
-                trace.batches.push(BatchTrace {
+                let names = Names { plan, batch, buffers: &tables[batch.table] };
+                shaded.extend(names.shaded(&positions.read()?));
+                batches.push(BatchTrace {
                     grid: *band,
-                    table: batch.table,
-                    pieces: self.pieces_of(band, plan)[first..last].to_vec(),
-                    piece_first: batch.piece_first,
-                    primitives: batch.primitives,
-                    positions: positions.read()?[..batch.vertices as usize].to_vec(),
-                    triangles: parts(&triangles.read()?, batch.primitives, self.extra_first()),
+                    primitives: names.primitives(),
+                    triangles: names.triangles(&triangles.read()?, self.extra_first()),
                     cells: lists(&ends.read()?[..band.cells as usize], &entries.read()?),
                     visibility: rows(band, visibility.as_flattened()),
-                    depth_before: depth_before.read()?,
                     depth: depth.read()?,
                 });
             }
+            bands.push(batches);
         }
         let frame = self.read()?;
         renderer.tables.put_back(self.tables);
-        Ok((frame, trace))
+        Ok((frame, Trace { positions: Positions::new(shaded), bands }))
     }
 }
 
-/// The triangles of each primitive, from where the primitive stage puts them.
-fn parts(triangles: &[Triangle], primitives: u32, extra_first: u32) -> Vec<Parts> {
-    let extra_mask = abi::MAX_CLIPPED;
-    (0..primitives)
-        .map(|primitive| {
-            let first = triangles[primitive as usize];
-            let extra = (first.flags >> abi::TRIANGLE_EXTRA_SHIFT) & extra_mask;
-            let at = (extra_first + primitive * (abi::MAX_CLIPPED - 1)) as usize;
-            let more = &triangles[at..at + extra as usize];
-            let plain = |t: &Triangle| {
-                let flags = t.flags & ((1 << abi::TRIANGLE_EXTRA_SHIFT) - 1);
-                (flags & abi::TRIANGLE_VALID != 0).then_some(Triangle { flags, ..*t })
-            };
-            std::iter::once(&first).chain(more).map(plain).collect()
+/// Names what a batch holds by the numbers of the pass. It reads the plan as the kernels do, so that a fault of the
+/// plan gives wrong names.
+struct Names<'a> {
+    plan: &'a Plan,
+    batch: &'a BatchPlan,
+    /// Index buffers by the first of their slots.
+    buffers: &'a HashMap<u32, Arc<Buffer>>,
+}
+
+impl Names<'_> {
+    /// The batch's primitives.
+    fn primitives(&self) -> Vec<Primitive> {
+        let mut all = Vec::with_capacity(self.batch.primitives as usize);
+        let end = self.batch.piece_first + self.batch.piece_count;
+        for number in self.batch.piece_first..end {
+            let piece = &self.plan.pieces[number as usize];
+            let next = (number + 1 < end).then(|| &self.plan.pieces[number as usize + 1]);
+            let last = next.map_or(self.batch.primitives, |next| next.first_primitive);
+            all.extend((piece.first_primitive..last).map(|primitive| {
+                let in_draw = piece.first_in_draw + (primitive - piece.first_primitive);
+                Primitive {
+                    draw: self.plan.piece_draws[number as usize],
+                    instance: piece.first_instance + in_draw / piece.primitives_per_instance,
+                    primitive: in_draw % piece.primitives_per_instance,
+                }
+            }));
+        }
+        all
+    }
+
+    /// The vertices that the batch shades, with their positions, which are those of all slots.
+    fn shaded(&self, positions: &[[f32; 4]]) -> Vec<(Vertex, [f32; 4])> {
+        let mut all = Vec::with_capacity(self.batch.vertices as usize);
+        for work in &self.batch.vertex_work {
+            let first = work.run_first as usize;
+            for &number in &self.plan.runs[first..first + work.run_count as usize] {
+                let Piece { vertex_base, vertex_slots, .. } = self.plan.pieces[number as usize];
+                let slots = vertex_base..vertex_base + vertex_slots;
+                all.extend(slots.map(|s| (self.vertex(number, s), positions[s as usize])));
+            }
+        }
+        all
+    }
+
+    /// The triangles of each primitive, from where the primitive stage puts them.
+    fn triangles(&self, triangles: &[abi::Triangle], extra_first: u32) -> Vec<Parts> {
+        let extra_mask = abi::MAX_CLIPPED;
+        (0..self.batch.primitives)
+            .map(|primitive| {
+                let first = &triangles[primitive as usize];
+                let extra = (first.flags >> abi::TRIANGLE_EXTRA_SHIFT) & extra_mask;
+                let at = (extra_first + primitive * (abi::MAX_CLIPPED - 1)) as usize;
+                let more = &triangles[at..at + extra as usize];
+                std::iter::once(first).chain(more).map(|t| self.triangle(t)).collect()
+            })
+            .collect()
+    }
+
+    /// `None` for a triangle that draws nothing.
+    fn triangle(&self, t: &abi::Triangle) -> Option<Triangle> {
+        // The bits above hold how many parts the primitive has.
+        let flags = t.flags & ((1 << abi::TRIANGLE_EXTRA_SHIFT) - 1);
+        let has = |flag: u32| flags & flag != 0;
+        has(abi::TRIANGLE_VALID).then(|| Triangle {
+            x: t.x,
+            y: t.y,
+            first: [t.bounds_min & 0xffff, t.bounds_min >> 16],
+            last: [t.bounds_max & 0xffff, t.bounds_max >> 16],
+            z: t.z,
+            dzdx: t.dzdx,
+            dzdy: t.dzdy,
+            vertices: t.vertices.map(|slot| self.vertex(t.piece, slot)),
+            front: has(abi::TRIANGLE_FRONT),
+            cut: has(abi::TRIANGLE_CUT),
+            level: flags >> abi::TRIANGLE_LEVEL_SHIFT,
         })
-        .collect()
+    }
+
+    /// The vertex that `glsl/vertex.comp` shades in `slot` of the piece number `number`.
+    fn vertex(&self, number: u32, slot: u32) -> Vertex {
+        let piece = &self.plan.pieces[number as usize];
+        let local = slot - piece.vertex_base;
+        let (instance, vertex) = if piece.vertex_mode == abi::VERTEX_RANGED {
+            let instance = piece.instance_min + local / piece.vertices_per_instance;
+            (instance, piece.vertex_min + local % piece.vertices_per_instance)
+        } else {
+            let primitive = piece.first_in_draw + local / 3;
+            let elements = elements(piece.topology, primitive % piece.primitives_per_instance);
+            let vertex = self.index(piece, elements[local as usize % 3]);
+            (primitive / piece.primitives_per_instance, vertex)
+        };
+        Vertex {
+            draw: self.plan.piece_draws[number as usize],
+            instance: piece.first_instance + instance,
+            vertex: vertex.wrapping_add_signed(piece.base_vertex),
+        }
+    }
+
+    /// The index of an element of a draw; beyond the end of the buffer it is 0, as on a device.
+    fn index(&self, piece: &Piece, element: u32) -> u32 {
+        let element = piece.first_element + element;
+        if piece.index_slot == abi::NONE {
+            return element;
+        }
+        let bytes = piece.index_bytes as usize;
+        let at = element as usize * bytes;
+        let value = self.buffers[&piece.index_slot].bytes.get(at..at + bytes).unwrap_or_default();
+        value.iter().rev().fold(0, |all, &byte| all << 8 | u32::from(byte))
+    }
+}
+
+/// The elements of primitive `k` of an instance, as `glsl/lib/assembly.glsl` has them.
+fn elements(topology: u32, k: u32) -> [u32; 3] {
+    if topology == Topology::TriangleList as u32 {
+        [3 * k, 3 * k + 1, 3 * k + 2]
+    } else if topology == Topology::TriangleStrip as u32 {
+        [k, k + 1 + k % 2, k + 2 - k % 2]
+    } else {
+        [k + 1, k + 2, 0]
+    }
 }
 
 /// Fills the visibility of bins that one triangle covers: kernels leave such a triangle only in the lists of bins

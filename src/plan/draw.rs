@@ -10,8 +10,8 @@ use crate::{
 use std::ops::Range;
 
 impl Planner<'_> {
-    /// Cuts `draw` into pieces of the open batch and of as many more as it takes.
-    pub(super) fn draw(&mut self, draw: &Draw, info: PipelineInfo) -> Result<()> {
+    /// Cuts `draw`, the pass's number `number`, into pieces of the open batch and of as many more as it takes.
+    pub(super) fn draw(&mut self, number: u32, draw: &Draw, info: PipelineInfo) -> Result<()> {
         let pipeline = self.pass.pipelines[draw.pipeline].clone();
         let per_instance = pipeline.topology.primitives(draw.count);
         let total = u64::from(per_instance) * u64::from(draw.instances);
@@ -93,6 +93,7 @@ impl Planner<'_> {
             open.varying_words += slots.unwrap_or(0) * info.varying_stride;
             open.vertex_needs.push((info.vertex_kernel, slots));
             self.plan.pieces.push(piece);
+            self.plan.piece_draws.push(number);
             next += take;
             if shared.is_some() && next < total {
                 self.close();

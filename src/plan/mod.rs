@@ -120,6 +120,8 @@ pub struct Plan {
     pub batches: Vec<BatchPlan>,
     /// All pieces, batch after batch.
     pub pieces: Vec<Piece>,
+    /// For each piece the index of its draw. Kernels need no such number; a trace names primitives by it.
+    pub piece_draws: Vec<u32>,
     /// Attributes, [`Piece::attribute_base`] counts here.
     pub attributes: Vec<Attribute>,
     /// Pieces in the order of their vertex slots, batch after batch.
@@ -155,11 +157,11 @@ impl Plan {
             in_table: 0,
         };
         let mut pipelines = vec![None; pass.pipelines.len()];
-        for draw in &pass.draws {
+        for (number, draw) in pass.draws.iter().enumerate() {
             let pipeline = &pass.pipelines[draw.pipeline];
             let info =
                 *pipelines[draw.pipeline].get_or_insert_with(|| planner.pipeline_info(pipeline));
-            planner.draw(draw, info)?;
+            planner.draw(number as u32, draw, info)?;
         }
         planner.close();
         Ok(planner.plan)

@@ -4,11 +4,10 @@
 //! Contract: a triangle is listed at the finest level at which it touches at most
 //! [`abi::MAX_CELLS`] cells, in each of those; twin of the `glsl/binning_*.comp` kernels.
 
-use super::key;
 use crate::{
-    abi::{self, Triangle},
+    abi,
     grid::{CELL_LOG2, Grid},
-    trace::Parts,
+    trace::{Parts, Triangle, key},
 };
 
 /// The keys that each cell lists, ascending.
@@ -43,9 +42,8 @@ pub fn level(grid: &Grid, triangle: &Triangle) -> usize {
 /// Columns and rows of the cells under the triangle's bounds.
 fn under_box(triangle: &Triangle, level: usize) -> impl Iterator<Item = (u32, u32)> + use<> {
     let log2 = CELL_LOG2[level];
-    let (low, high) = (triangle.bounds_min, triangle.bounds_max);
-    let columns = (low & 0xffff) >> log2..=(high & 0xffff) >> log2;
-    let rows = (low >> 16) >> log2..=(high >> 16) >> log2;
+    let cells = |axis: usize| triangle.first[axis] >> log2..=triangle.last[axis] >> log2;
+    let (columns, rows) = (cells(0), cells(1));
     rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
 }
 

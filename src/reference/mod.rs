@@ -1,70 +1,105 @@
 //! Executes a pass on the CPU. The result defines the right coverage, depth and primitive ids.
 //!
-//! It takes the clip-space positions as given and computes everything after them, each stage in the
-//! simplest way that could be right: 64-bit integers for edges, IEEE floats rounded after every
-//! operation. It knows the stages' contracts and the shared structs, and nothing of the kernels.
+//! The reference plans for itself: it takes the [`Pass`] and finds the primitives, their vertices, viewports and
+//! state by the simplest code that could be right. It takes two things from the trace of a device: the clip-space
+//! positions that the user's vertex shader wrote, and where each batch ends, which is the device's to choose. It
+//! computes everything else: 64-bit integers for edges, IEEE floats rounded after every operation. It knows the
+//! stages' contracts, and nothing of compute's plan or of the kernels.
 
+pub mod assembly;
 pub mod binning;
 pub mod primitive;
 pub mod raster;
+pub mod window;
 
 use crate::{
-    abi::{self, Piece},
     grid::Grid,
-    trace::{BatchTrace, Trace},
+    pass::{Pass, Pipeline},
+    trace::{BatchTrace, Positions, Trace},
 };
+use assembly::Assembled;
 
 /// One batch, as the reference needs it.
 #[derive(Clone, Copy)]
 pub struct Input<'a> {
+    /// The pass.
+    pub pass: &'a Pass,
     /// The band.
     pub grid: &'a Grid,
-    /// The batch's pieces.
-    pub pieces: &'a [Piece],
-    /// Number of the first of them, as triangles name it.
-    pub piece_first: u32,
-    /// Primitives of the batch.
-    pub primitives: u32,
-    /// Clip-space position of each vertex slot.
-    pub positions: &'a [[f32; 4]],
-    /// The value of a piece's index buffer at an element.
-    pub index: &'a dyn Fn(&Piece, u32) -> u32,
+    /// The batch's primitives.
+    pub primitives: &'a [Assembled],
+    /// Positions of all vertices of the pass.
+    pub positions: &'a Positions,
 }
 
-/// The key of part `part` of primitive `primitive` of the batch.
-pub fn key(primitive: usize, part: usize) -> u32 {
-    ((primitive as u32 + 1) << abi::KEY_LOG2) | part as u32
-}
-
-/// The clip-space corners of each primitive of the `number`th batch of `trace`.
-pub fn corners(trace: &Trace, number: usize) -> Vec<[[f32; 4]; 3]> {
-    let given = &trace.batches[number];
-    let index = |piece: &Piece, element| trace.index(given, piece, element).unwrap_or(0);
-    let input = input(given, &index);
-    (0..input.primitives).map(|primitive| primitive::corners(&input, primitive)).collect()
-}
-
-fn input<'a>(given: &'a BatchTrace, index: &'a dyn Fn(&Piece, u32) -> u32) -> Input<'a> {
-    Input {
-        grid: &given.grid,
-        pieces: &given.pieces,
-        piece_first: given.piece_first,
-        primitives: given.primitives,
-        positions: &given.positions,
-        index,
+impl Input<'_> {
+    /// The pipeline of the batch's primitive number `number`.
+    fn pipeline(&self, number: usize) -> &Pipeline {
+        let draw = self.primitives[number].primitive.draw as usize;
+        &self.pass.pipelines[self.pass.draws[draw].pipeline]
     }
 }
 
-/// What every stage of the `number`th batch of `trace` should have written, given the positions and
-/// the depth it started from. Visibility and depth take every fragment for drawn, as if no shader
+/// The clip-space corners of the primitives of `pass`. A vertex that `positions` lacks has coordinates that are no
+/// numbers.
+pub fn corners(pass: &Pass, positions: &Positions) -> impl Iterator<Item = [[f32; 4]; 3]> {
+    assembly::run(pass).map(|assembled| primitive::corners(positions, &assembled))
+}
+
+/// The first difference between `trace`, which a device left of `pass`, and what every stage should have written;
+/// as a sentence that names the primitive. Visibility and depth take every fragment for drawn, as if no shader
 /// discarded any or wrote a depth of its own.
-pub fn batch(trace: &Trace, number: usize) -> BatchTrace {
-    let given = &trace.batches[number];
-    let index = |piece: &Piece, element| trace.index(given, piece, element).unwrap_or(0);
-    let input = input(given, &index);
+pub fn first_difference(pass: &Pass, trace: &Trace) -> Option<String> {
+    if let Some(vertex) = trace.positions.contradiction() {
+        return Some(format!("vertex: {vertex} has several positions"));
+    }
+    let bands: Vec<Grid> = Grid::bands(pass.extent).collect();
+    if bands.len() != trace.bands.len() {
+        return Some(format!("{} bands against {}", trace.bands.len(), bands.len()));
+    }
+    bands.iter().zip(&trace.bands).find_map(|(grid, batches)| {
+        let found = difference_in_band(pass, grid, &trace.positions, batches)?;
+        Some(format!("band at row {}, {found}", grid.origin_y))
+    })
+}
+
+fn difference_in_band(
+    pass: &Pass,
+    grid: &Grid,
+    positions: &Positions,
+    batches: &[BatchTrace],
+) -> Option<String> {
+    let mut all = assembly::run(pass);
+    let mut depth = vec![pass.depth.map_or(1.0, |depth| depth.clear); grid.extent.pixels()];
+    for (number, given) in batches.iter().enumerate() {
+        let primitives: Vec<_> = all.by_ref().take(given.primitives.len()).collect();
+        let expected = batch(Input { pass, grid, primitives: &primitives, positions }, depth);
+        let found = match given.primitives == expected.primitives {
+            true => missing(&primitives, positions),
+            // Other primitives have other vertices.
+            false => None,
+        };
+        if let Some(found) = found.or_else(|| given.first_difference(&expected)) {
+            return Some(format!("batch {number}: {found}"));
+        }
+        depth = expected.depth;
+    }
+    all.next().map(|left| format!("assembly: no batch has {}", left.primitive))
+}
+
+/// Says which vertex of `primitives` was not shaded.
+fn missing(primitives: &[Assembled], positions: &Positions) -> Option<String> {
+    primitives.iter().find_map(|Assembled { primitive, vertices, .. }| {
+        let vertex = vertices.iter().find(|vertex| positions.of(**vertex).is_none())?;
+        Some(format!("vertex: {primitive} has a vertex that was not shaded: {vertex}"))
+    })
+}
+
+/// What every stage should have written of a batch that begins with `depth`.
+fn batch(input: Input, mut depth: Vec<f32>) -> BatchTrace {
     let triangles = primitive::run(&input);
     let cells = binning::run(input.grid, &triangles);
-    let mut depth = given.depth_before.clone();
     let visibility = raster::run(&input, &triangles, &mut depth);
-    BatchTrace { triangles, cells, visibility, depth, ..given.clone() }
+    let primitives = input.primitives.iter().map(|assembled| assembled.primitive).collect();
+    BatchTrace { grid: *input.grid, primitives, triangles, cells, visibility, depth }
 }

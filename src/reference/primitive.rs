@@ -1,35 +1,32 @@
-//! Primitive: assembles, clips, culls and sets up every primitive of a batch.
+//! Primitive: clips, culls and sets up every primitive of a batch.
 //!
-//! Reads: pieces, indices, clip-space positions. Writes: the triangles of each primitive.
-//! Contract: that of `glsl/primitive.comp`, whose twin this is.
+//! Reads: primitives, clip-space positions, the draws' viewports, scissors and culling. Writes: the triangles of each
+//! primitive. Contract: that of `glsl/primitive.comp`, whose twin this is.
 
-use super::Input;
+use super::{Input, assembly::Assembled, window::Window};
 use crate::{
-    abi::{self, Piece, Triangle},
-    state::{Cull, FrontFace, Topology},
-    trace::Parts,
+    abi,
+    grid::Grid,
+    pass::Pipeline,
+    state::{Cull, FrontFace},
+    trace::{Parts, Positions, Triangle},
 };
 
 type Vec4 = [f32; 4];
 
 /// All primitives of the batch.
 pub fn run(input: &Input) -> Vec<Parts> {
-    (0..input.primitives).map(|primitive| primitive_parts(input, primitive)).collect()
+    (0..input.primitives.len()).map(|number| parts(input, number)).collect()
 }
 
-/// The clip-space positions of the three vertices of `primitive`, as the vertex shader left them.
-pub fn corners(input: &Input, primitive: u32) -> [Vec4; 3] {
-    let at = input.pieces.partition_point(|piece| piece.first_primitive <= primitive) - 1;
-    let piece = &input.pieces[at];
-    let slots = vertex_slots(input, piece, primitive - piece.first_primitive);
-    slots.map(|slot| input.positions[slot as usize])
+/// The clip-space positions of the three vertices, as the vertex shader left them.
+pub fn corners(positions: &Positions, assembled: &Assembled) -> [Vec4; 3] {
+    assembled.vertices.map(|vertex| positions.of(vertex).unwrap_or([f32::NAN; 4]))
 }
 
-fn primitive_parts(input: &Input, primitive: u32) -> Parts {
-    let at = input.pieces.partition_point(|piece| piece.first_primitive <= primitive) - 1;
-    let piece = &input.pieces[at];
-    let slots = vertex_slots(input, piece, primitive - piece.first_primitive);
-    let corners = slots.map(|slot| input.positions[slot as usize].map(flush));
+fn parts(input: &Input, number: usize) -> Parts {
+    let assembled = &input.primitives[number];
+    let corners = corners(input.positions, assembled).map(|corner| corner.map(flush));
     // Not finite, or so far out that a difference of two might not be.
     let usable = |c: &f32| c.abs() < 2f32.powi(126);
     if !corners.iter().flatten().all(usable) {
@@ -43,40 +40,12 @@ fn primitive_parts(input: &Input, primitive: u32) -> Parts {
     if polygon.len() < 3 || polygon.iter().any(|c| flush(c.position[3]) <= 0.0) {
         return vec![None];
     }
-    let window: Vec<_> = polygon.iter().map(|corner| to_window(piece, corner)).collect();
-    window[1..]
-        .windows(2)
-        .map(|pair| {
-            let piece_number = input.piece_first + at as u32;
-            set_up(input, piece, piece_number, slots, [window[0], pair[0], pair[1]])
-        })
-        .collect()
-}
-
-fn vertex_slots(input: &Input, piece: &Piece, in_piece: u32) -> [u32; 3] {
-    if piece.vertex_mode == abi::VERTEX_PER_CORNER {
-        return [0, 1, 2].map(|c| piece.vertex_base + 3 * in_piece + c);
-    }
-    let in_draw = piece.first_in_draw + in_piece;
-    let instance = in_draw / piece.primitives_per_instance;
-    let k = in_draw % piece.primitives_per_instance;
-    let elements = if piece.topology == Topology::TriangleList as u32 {
-        [3 * k, 3 * k + 1, 3 * k + 2]
-    } else if piece.topology == Topology::TriangleStrip as u32 {
-        [k, k + 1 + k % 2, k + 2 - k % 2]
-    } else {
-        [k + 1, k + 2, 0]
-    };
-    elements.map(|element| {
-        let element = piece.first_element + element;
-        let vertex = match piece.index_slot {
-            abi::NONE => element,
-            _ => (input.index)(piece, element),
-        };
-        piece.vertex_base
-            + (instance - piece.instance_min) * piece.vertices_per_instance
-            + (vertex - piece.vertex_min)
-    })
+    let corners: Vec<_> = polygon.iter().map(|c| to_window(&assembled.window, c)).collect();
+    let triangles = corners[1..].windows(2).map(|pair| {
+        let corners = [corners[0], pair[0], pair[1]];
+        set_up(input.grid, input.pipeline(number), assembled, corners)
+    });
+    triangles.collect()
 }
 
 /// Denormals are zero, because devices may flush them.
@@ -134,21 +103,20 @@ fn crossing(outside: Vec4, dout: f32, inside: Vec4, din: f32) -> Corner {
 }
 
 /// Window position in pixels and depth.
-fn to_window(piece: &Piece, corner: &Corner) -> [f32; 3] {
+fn to_window(window: &Window, corner: &Corner) -> [f32; 3] {
     let [x, y, z, w] = corner.position;
     let inverse = flush(1.0 / w);
     let ndc = [x * inverse, y * inverse, z * inverse];
-    let scale = [piece.scale[0], piece.scale[1], piece.depth_scale];
-    let offset = [piece.offset[0], piece.offset[1], piece.depth_offset];
-    let mut window: [f32; 3] = std::array::from_fn(|i| match corner.made {
+    let Window { scale, offset, .. } = window;
+    let mut position: [f32; 3] = std::array::from_fn(|i| match corner.made {
         true => ndc[i] * scale[i] + offset[i],
         false => multiply_add(ndc[i], scale[i], offset[i]),
     });
     let far_out = (1 << abi::GUARD_LOG2) as f32;
-    for c in &mut window[..2] {
+    for c in &mut position[..2] {
         *c = c.clamp(-far_out, far_out);
     }
-    window
+    position
 }
 
 /// A fused multiply-add but for double rounding in rare ties: product and sum with their rounding errors added back.
@@ -163,59 +131,53 @@ pub(super) fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
 }
 
 fn set_up(
-    input: &Input,
-    piece: &Piece,
-    piece_number: u32,
-    slots: [u32; 3],
-    window: [[f32; 3]; 3],
+    grid: &Grid,
+    pipeline: &Pipeline,
+    assembled: &Assembled,
+    corners: [[f32; 3]; 3],
 ) -> Option<Triangle> {
     let scale = (1 << abi::SUBPIXEL_BITS) as f32;
     let snap = |c: f32| ((c - 0.5) * scale).round_ties_even() as i32;
-    let mut x = window.map(|p| snap(p[0]));
-    let mut y = window.map(|p| snap(p[1]));
+    let mut x = corners.map(|p| snap(p[0]));
+    let mut y = corners.map(|p| snap(p[1]));
     let at = |i: usize| (i64::from(x[i]), i64::from(y[i]));
     let (a, b, c) = (at(0), at(1), at(2));
     let area = (b.0 - a.0) * (c.1 - a.1) - (c.0 - a.0) * (b.1 - a.1);
-    let front = (area > 0) == (piece.front_face == FrontFace::Clockwise as u32);
+    let front = (area > 0) == (pipeline.front_face == FrontFace::Clockwise);
     let culled = if front { Cull::Front } else { Cull::Back };
-    if area == 0 || piece.cull == culled as u32 {
+    if area == 0 || pipeline.cull == culled {
         return None;
     }
     if area < 0 {
         x.swap(1, 2);
         y.swap(1, 2);
     }
-    let pixels = |c: [i32; 3], low: i32, high: i32| {
-        let [a, b, c] = c;
+    let pixels = |[a, b, c]: [i32; 3], [low, high]: [i32; 2]| {
         let first = (a.min(b).min(c) + 255).div_euclid(256).max(low);
         let last = (a.max(b).max(c) - 1).div_euclid(256).min(high);
         (first <= last).then_some((first, last))
     };
-    let (first_x, last_x) = pixels(x, piece.rect_min[0], piece.rect_max[0])?;
-    let (first_y, last_y) = pixels(y, piece.rect_min[1], piece.rect_max[1])?;
-    let origin_y = input.grid.origin_y as i32;
+    let Window { columns, rows: [top, bottom], cut, .. } = assembled.window;
+    let origin_y = grid.origin_y as i32;
+    let rows = [top.max(origin_y), bottom.min(origin_y + grid.extent.height as i32 - 1)];
+    let (first_x, last_x) = pixels(x, columns)?;
+    let (first_y, last_y) = pixels(y, rows)?;
 
-    let [dzdx, dzdy, z] = depth_plane(window);
+    let [dzdx, dzdy, z] = depth_plane(corners);
     let mut triangle = Triangle {
         x,
         y,
+        first: [first_x as u32, (first_y - origin_y) as u32],
+        last: [last_x as u32, (last_y - origin_y) as u32],
         z,
         dzdx,
         dzdy,
-        bounds_min: first_x as u32 | ((first_y - origin_y) as u32) << 16,
-        bounds_max: last_x as u32 | ((last_y - origin_y) as u32) << 16,
-        piece: piece_number,
-        vertices: slots,
-        flags: abi::TRIANGLE_VALID,
+        vertices: assembled.vertices,
+        front,
+        cut,
+        level: 0,
     };
-    if front {
-        triangle.flags |= abi::TRIANGLE_FRONT;
-    }
-    if piece.cut != 0 {
-        triangle.flags |= abi::TRIANGLE_CUT;
-    }
-    triangle.flags |=
-        (super::binning::level(input.grid, &triangle) as u32) << abi::TRIANGLE_LEVEL_SHIFT;
+    triangle.level = super::binning::level(grid, &triangle) as u32;
     Some(triangle)
 }
 

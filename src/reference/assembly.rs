@@ -1,0 +1,105 @@
+//! Assembly: the primitives of a pass in API order, each with its vertices.
+//!
+//! Reads: draws, pipelines, indices.
+//! Contract: Vulkan's, chapters "Drawing Commands" and "Primitive Topologies". A draw whose viewport and scissor
+//! leave no pixel has no primitives: nothing of it can be seen, so that no executor has to process it.
+
+use super::window::Window;
+use crate::{
+    pass::{Draw, IndexFormat, Pass},
+    state::Topology,
+    trace::{Primitive, Vertex},
+};
+
+/// A primitive with what assembly knows of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Assembled {
+    /// Its name.
+    pub primitive: Primitive,
+    /// Its vertices, the provoking one first.
+    pub vertices: [Vertex; 3],
+    /// The viewport and the scissor of its draw.
+    pub window: Window,
+}
+
+/// All primitives of `pass`, which is valid.
+pub fn run(pass: &Pass) -> impl Iterator<Item = Assembled> {
+    pass.draws.iter().enumerate().flat_map(move |(number, draw)| {
+        let window = Window::of(pass, draw);
+        window.into_iter().flat_map(move |window| of_draw(pass, number as u32, draw, window))
+    })
+}
+
+fn of_draw(
+    pass: &Pass,
+    number: u32,
+    draw: &Draw,
+    window: Window,
+) -> impl Iterator<Item = Assembled> {
+    let topology = pass.pipelines[draw.pipeline].topology;
+    let per_instance = topology.primitives(draw.count);
+    (0..per_instance * draw.instances).map(move |n| {
+        let (instance, primitive) = (draw.first_instance + n / per_instance, n % per_instance);
+        let vertices = elements(topology, primitive).map(|element| Vertex {
+            draw: number,
+            instance,
+            vertex: vertex_index(draw, element),
+        });
+        Assembled { primitive: Primitive { draw: number, instance, primitive }, vertices, window }
+    })
+}
+
+/// The elements of a draw that its primitive number `i` consists of.
+fn elements(topology: Topology, i: u32) -> [u32; 3] {
+    match topology {
+        Topology::TriangleList => [3 * i, 3 * i + 1, 3 * i + 2],
+        Topology::TriangleStrip => [i, i + (1 + i % 2), i + (2 - i % 2)],
+        Topology::TriangleFan => [i + 1, i + 2, 0],
+    }
+}
+
+/// `gl_VertexIndex` of an element of a draw.
+fn vertex_index(draw: &Draw, element: u32) -> u32 {
+    let element = draw.first + element;
+    let Some(indices) = &draw.indices else { return element };
+    let bytes = &indices.range.buffer.bytes[indices.range.offset..][..indices.range.bytes];
+    let index = match indices.format {
+        IndexFormat::U16 => u32::from(u16::from_ne_bytes(bytes.as_chunks().0[element as usize])),
+        IndexFormat::U32 => u32::from_ne_bytes(bytes.as_chunks().0[element as usize]),
+    };
+    index.wrapping_add_signed(draw.base_vertex)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pass::{Buffer, BufferRange, Indices};
+    use std::sync::Arc;
+
+    fn draw(first: u32, base_vertex: i32, indices: Option<Indices>) -> Draw {
+        Draw { first, base_vertex, indices, ..Draw::new(0, 3) }
+    }
+
+    #[test]
+    fn every_other_triangle_of_a_strip_swaps_two_vertices() {
+        let strip = [0, 1, 2].map(|i| elements(Topology::TriangleStrip, i));
+        assert_eq!(strip, [[0, 1, 2], [1, 3, 2], [2, 3, 4]]);
+        let fan = [0, 1].map(|i| elements(Topology::TriangleFan, i));
+        assert_eq!(fan, [[1, 2, 0], [2, 3, 0]]);
+        let list = [0, 1].map(|i| elements(Topology::TriangleList, i));
+        assert_eq!(list, [[0, 1, 2], [3, 4, 5]]);
+    }
+
+    #[test]
+    fn the_base_vertex_is_added_to_indices_only() {
+        assert_eq!(vertex_index(&draw(7, 100, None), 2), 9);
+        let bytes: Vec<u8> = [1u32, 2, 3, 40, 50, 60].map(u32::to_ne_bytes).concat();
+        let buffer = Arc::new(Buffer { label: "indices".into(), bytes });
+        let range = BufferRange { buffer, offset: 8, bytes: 16 };
+        let wide = Indices { range: range.clone(), format: IndexFormat::U32 };
+        assert_eq!(vertex_index(&draw(1, -5, Some(wide)), 2), 55);
+        let narrow = Indices { range, format: IndexFormat::U16 };
+        let element = if cfg!(target_endian = "little") { 0 } else { 1 };
+        assert_eq!(vertex_index(&draw(2, 0, Some(narrow)), element), 40);
+    }
+}
