@@ -47,6 +47,42 @@ fn assembled(levels: usize, members: usize, decorations: &str) -> Vec<u32> {
         OpReturn
         OpFunctionEnd"
     );
+    assemble(&text)
+}
+
+/// A fragment shader that reads the input `%in`, which has the type `%top` that `types` declare, and writes
+/// `%c`.
+fn with_input(decorations: &str, types: &str) -> String {
+    format!(
+        "OpCapability Shader
+        OpMemoryModel Logical GLSL450
+        OpEntryPoint Fragment %main \"main\" %c %in
+        OpExecutionMode %main OriginUpperLeft
+        OpDecorate %c Location 0
+        OpDecorate %in Location 0
+        {decorations}
+        %void = OpTypeVoid
+        %function = OpTypeFunction %void
+        %float = OpTypeFloat 32
+        %uint = OpTypeInt 32 0
+        %one = OpConstant %float 1
+        %many = OpConstant %uint 256
+        %empty = OpTypeStruct
+        {types}
+        %pointer = OpTypePointer Input %top
+        %in = OpVariable %pointer Input
+        %out = OpTypePointer Output %float
+        %c = OpVariable %out Output
+        %main = OpFunction %void None %function
+        %label = OpLabel
+        %value = OpLoad %top %in
+        OpStore %c %one
+        OpReturn
+        OpFunctionEnd"
+    )
+}
+
+fn assemble(text: &str) -> Vec<u32> {
     let mut child = Command::new("spirv-as")
         .args(["--target-env", "vulkan1.3", "-", "-o", "-"])
         .stdin(Stdio::piped())
@@ -86,4 +122,36 @@ fn a_component_may_be_any_number() {
     let words = assembled(1, 1, "OpDecorate %c Component 4294967295");
     let text = reflected(&words).unwrap_err().to_string();
     assert!(text.contains("four components"), "{text}");
+}
+
+#[test]
+fn inputs_without_end_that_hold_nothing_are_passed_over() {
+    // 256 to the power of 40 elements, and 2 to the power of 60 members.
+    let (mut arrays, mut structs) = (String::new(), String::new());
+    for level in 1..=40 {
+        let inner = if level == 1 { "empty".into() } else { format!("a{}", level - 1) };
+        writeln!(arrays, "%a{level} = OpTypeArray %{inner} %many").unwrap();
+    }
+    for level in 1..=60 {
+        let inner = if level == 1 { "empty".into() } else { format!("s{}", level - 1) };
+        writeln!(structs, "%s{level} = OpTypeStruct %{inner} %{inner}").unwrap();
+    }
+    let far = "OpMemberDecorate %top 0 Location 4294967295
+        OpMemberDecorate %top 2 Location 7";
+    for (types, hollow) in [(arrays, "%a40"), (structs, "%s60")] {
+        let top = format!("{types} %top = OpTypeStruct {hollow} %float {hollow} %float");
+        let inputs = reflected(&assemble(&with_input("", &top))).unwrap().reflection.inputs;
+        assert_eq!(inputs.iter().map(|input| input.location).collect::<Vec<_>>(), [0, 1]);
+        // The place of what holds nothing is nobody's.
+        let inputs = reflected(&assemble(&with_input(far, &top))).unwrap().reflection.inputs;
+        assert_eq!(inputs.iter().map(|input| input.location).collect::<Vec<_>>(), [0, 1]);
+    }
+}
+
+#[test]
+fn an_array_of_no_elements_is_refused() {
+    let types = "%none = OpConstant %uint 0
+        %top = OpTypeArray %float %none";
+    let text = reflected(&assemble(&with_input("", types))).unwrap_err().to_string();
+    assert!(text.contains("an array of no elements"), "{text}");
 }

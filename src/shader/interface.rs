@@ -14,6 +14,7 @@ use rspirv::{
     dr::Instruction,
     spirv::{BuiltIn, Decoration, Op, StorageClass, Word},
 };
+use std::collections::HashMap;
 
 /// One location of a variable.
 #[derive(Clone, Debug)]
@@ -65,7 +66,13 @@ pub(super) fn variable(
     if index.literal(id, Decoration::Index).unwrap_or(0) != 0 {
         return Err("outputs for dual-source blending (index = 1)".into());
     }
-    let mut flatten = Flatten { index, specialization, path: Vec::new(), leaves: Vec::new() };
+    let mut flatten = Flatten {
+        index,
+        specialization,
+        hollow: HashMap::new(),
+        path: Vec::new(),
+        leaves: Vec::new(),
+    };
     let component = index.literal(id, Decoration::Component).unwrap_or(0);
     let interpolation = interpolation(|d| index.has(id, d)).unwrap_or(Interpolation::Smooth);
     let location = index.literal(id, Decoration::Location);
@@ -90,11 +97,34 @@ fn interpolation(has: impl Fn(Decoration) -> bool) -> Option<Interpolation> {
 struct Flatten<'i, 'm> {
     index: &'i Index<'m>,
     specialization: Specialization<'i>,
+    /// Types, and whether they hold nothing: structs without members, arrays of these, structs of these.
+    hollow: HashMap<Word, bool>,
     path: Vec<u32>,
     leaves: Vec<Leaf>,
 }
 
 impl Flatten<'_, '_> {
+    /// Whether a value of type `ty` has no leaf. Such values are passed over: there may be any number of them
+    /// inside each other, while every walk to a leaf brings the limit of locations nearer.
+    fn is_hollow(&mut self, ty: Word) -> Outcome<bool> {
+        if let Some(&known) = self.hollow.get(&ty) {
+            return Ok(known);
+        }
+        let hollow = match self.index.op(ty)? {
+            Op::TypeArray => self.is_hollow(self.index.id_operand(ty, 0)?)?,
+            Op::TypeStruct => {
+                let mut hollow = true;
+                for member in ids(self.index.def(ty)?) {
+                    hollow &= self.is_hollow(member)?;
+                }
+                hollow
+            }
+            _ => false,
+        };
+        self.hollow.insert(ty, hollow);
+        Ok(hollow)
+    }
+
     /// Adds the leaves of a value of type `ty` at `location`; returns the locations it takes.
     fn walk(
         &mut self,
@@ -106,6 +136,9 @@ impl Flatten<'_, '_> {
         // No device has as many locations; the limit keeps a hostile module from filling memory.
         if self.leaves.len() >= 256 || location >= 256 {
             return Err("more than 256 locations".into());
+        }
+        if self.is_hollow(ty)? {
+            return Ok(0);
         }
         let index = self.index;
         match index.op(ty)? {
@@ -143,6 +176,9 @@ impl Flatten<'_, '_> {
                 let mut next = location;
                 for (n, member) in ids(index.def(ty)?).enumerate() {
                     let n = n as u32;
+                    if self.is_hollow(member)? {
+                        continue;
+                    }
                     if index.member_has(ty, n, Decoration::PerVertexKHR) {
                         return Err("inputs per vertex (pervertexEXT)".into());
                     }
@@ -185,6 +221,7 @@ pub(super) fn length(index: &Index, id: Word, specialization: Specialization) ->
     let default = index.constant(id)?;
     let constant = index.literal(id, Decoration::SpecId);
     match constant.and_then(|c| specialization.iter().find(|&&(id, _)| id == c)) {
+        _ if default == 0 => Err("an array of no elements".into()),
         Some(&(constant, value)) if value != default => Err(format!(
             "an `in` or `out` array whose length the specialization constant {constant} changes \
              from {default} to {value}"
