@@ -143,13 +143,13 @@ fn targets() {
 
 #[test]
 fn pipelines() {
-    refused(&["brick", "`test.vert`", "Fragment"], |p| {
+    refused(&["brick", "`test.vert` is no fragment shader"], |p| {
         p.pipeline.fragment = p.pipeline.vertex.clone();
     });
     refused(&["brick", "attribute 3", "test.vert"], |p| {
         p.pipeline.vertex_attributes.truncate(1);
     });
-    refused(&["attribute 3", "Uint", "U16Norm"], |p| {
+    refused(&["attribute 3", " uint in `test.vert`", " float in memory (U16Norm)"], |p| {
         p.pipeline.vertex_attributes[1].format.component = Component::U16Norm;
     });
     refused(&["attribute 3", "binding 7"], |p| p.pipeline.vertex_attributes[1].binding = 7);
@@ -165,13 +165,13 @@ fn pipelines() {
 void main() { gl_Position = vec4(0); uv = vec2(0); }";
         p.pipeline.vertex = shader(Stage::Vertex, "other.vert", body);
     });
-    refused(&["location 1", "Int", "Uint"], |p| {
+    refused(&["location 1", " int in `other.vert`", " uint in `test.frag`"], |p| {
         let body = "layout(location = 0) out vec2 uv;
 layout(location = 1) flat out int id;
 void main() { gl_Position = vec4(0); uv = vec2(0); id = 1; }";
         p.pipeline.vertex = shader(Stage::Vertex, "other.vert", body);
     });
-    refused(&["odd.frag", "Uint", "location 0", "floats"], |p| {
+    refused(&["odd.frag", " uint to location 0", "floats"], |p| {
         let body = "layout(location = 0) out uvec4 color;
 void main() { color = uvec4(1); }";
         p.pipeline.fragment = shader(Stage::Fragment, "odd.frag", body);

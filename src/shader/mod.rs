@@ -57,6 +57,15 @@ pub enum Stage {
     Fragment,
 }
 
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Vertex => "vertex",
+            Self::Fragment => "fragment",
+        })
+    }
+}
+
 /// A vertex or fragment shader: valid SPIR-V with entry point `main`, and what reflection found in it.
 ///
 /// It cannot be changed, because drivers rely on valid modules. It uses only what a pass can provide:
@@ -129,6 +138,17 @@ pub enum Scalar {
     Int,
     /// An unsigned 32-bit integer.
     Uint,
+}
+
+/// As GLSL calls it.
+impl fmt::Display for Scalar {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Float => "float",
+            Self::Int => "int",
+            Self::Uint => "uint",
+        })
+    }
 }
 
 /// Dimensionality of an image.

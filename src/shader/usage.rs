@@ -34,9 +34,8 @@ impl<'m> Usage<'m> {
                 && matches!(i.operands.get(2), Some(Operand::LiteralString(name)) if name == "main")
         };
         let entry_point = index.module.entry_points.iter().find(named_main);
-        let entry_point = entry_point.ok_or_else(|| {
-            format!("no entry point `main` for the {} stage", format!("{model:?}").to_lowercase())
-        })?;
+        let entry_point =
+            entry_point.ok_or_else(|| format!("no entry point `main` for the {stage} stage"))?;
         let entry = id_operand(entry_point, 1)?;
         let mut usage =
             Self { entry, functions: Vec::new(), used: vec![false; index.bound() as usize] };

@@ -57,7 +57,7 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
         [(&pipeline.vertex, Stage::Vertex), (&pipeline.fragment, Stage::Fragment)]
     {
         if shader.stage != stage {
-            return Err(format!("shader `{}` is no {stage:?} shader", shader.label));
+            return Err(format!("shader `{}` is no {stage} shader", shader.label));
         }
         if let Some(reason) = &shader.refusal {
             return Err(format!("shader `{}`: {reason}", shader.label));
@@ -81,7 +81,7 @@ fn check_outputs(fragment: &Shader) -> Fault {
     let outputs = fragment.reflection.outputs.iter();
     match outputs.filter(|o| o.location == 0).find(|o| o.scalar != Scalar::Float) {
         Some(output) => Err(format!(
-            "`{}` writes {:?} to location 0; colour targets hold floats",
+            "`{}` writes {} to location 0; colour targets hold floats",
             fragment.label, output.scalar
         )),
         None => Ok(()),
@@ -144,8 +144,11 @@ fn check_attributes(pipeline: &Pipeline) -> Fault {
         let component = attribute.format.component;
         if scalar(component) != input.scalar {
             return Err(format!(
-                "vertex attribute {} is {:?} in `{}`, {component:?} in memory",
-                input.location, input.scalar, pipeline.vertex.label
+                "vertex attribute {} is {} in `{}` and {} in memory ({component:?})",
+                input.location,
+                input.scalar,
+                pipeline.vertex.label,
+                scalar(component)
             ));
         }
     }
@@ -179,7 +182,7 @@ fn check_varyings(pipeline: &Pipeline) -> Fault {
             let read = ((1 << input.count) - 1) << input.component;
             if bits & read != 0 && output.scalar != input.scalar {
                 return Err(format!(
-                    "location {} is {:?} in `{}` and {:?} in `{}`",
+                    "location {} is {} in `{}` and {} in `{}`",
                     input.location, output.scalar, vertex.label, input.scalar, fragment.label
                 ));
             }
