@@ -10,7 +10,13 @@
 //! The compilers may be used from any thread. The first call of a process builds the tables of built-in
 //! functions, a tenth of a second and more, later ones take milliseconds.
 
-use super::{Stage, include::Finder, module::Outcome, stored::Entry, validate};
+use super::{
+    Stage,
+    include::{self, Finder},
+    module::Outcome,
+    stored::Entry,
+    validate,
+};
 use crate::{Error, Result, cache};
 
 #[cfg(feature = "glsl-bundled")]
@@ -60,7 +66,7 @@ pub(super) fn compile(
 
 fn words(stage: &str, source: &str, finder: &Finder) -> Outcome<Vec<u32>> {
     // Without one, compilers take the source for the first version there was, and complain of that.
-    let versioned = source.contains("#version");
+    let versioned = include::version(source).is_some();
     let source = plain_ascii(source)?;
     let find = |name: &str, includer: &str, depth| finder.find(name, includer, depth);
     compiler::compile(stage, &source, &find).map_err(|log| match versioned {
@@ -75,7 +81,7 @@ fn words(stage: &str, source: &str, finder: &Finder) -> Outcome<Vec<u32>> {
 /// character that is an error anywhere outside a comment takes their place.
 pub(super) fn plain_ascii(source: &str) -> Outcome<String> {
     if let Some(at) = source.find('\0') {
-        return Err(format!("line {}: a NUL byte", source[..at].matches('\n').count() + 1));
+        return Err(format!("line {}: a NUL byte", include::line_number(source, at)));
     }
     Ok(source.chars().map(|c| if c.is_ascii() { c } else { '`' }).collect())
 }
@@ -83,9 +89,9 @@ pub(super) fn plain_ascii(source: &str) -> Outcome<String> {
 /// The compiler's log as sentences that name lines.
 fn message(log: &str, source: &str) -> String {
     if log.contains("version not supported") {
-        let mut lines = source.lines().zip(1..);
-        let (line, number) = lines.find(|(line, _)| line.contains("#version")).unwrap_or_default();
-        return format!("line {number}: `{}` is no version of GLSL that Vulkan takes", line.trim());
+        let line = include::version(source).unwrap_or_default();
+        let (number, text) = (include::line_number(source, line.start), source[line].trim());
+        return format!("line {number}: `{text}` is no version of GLSL that Vulkan takes");
     }
     let lines: Vec<String> = log
         .lines()
@@ -148,6 +154,10 @@ pub(super) mod tests {
         assert!(odd.contains("line 1"), "{odd}");
         let old = reason("#version 331\nvoid main() {}");
         assert!(old.contains("331"), "{old}");
+        let old = reason("\n//\n#  version 331\nvoid main() {}");
+        assert!(old.contains("line 3: `#  version 331`"), "{old}");
+        let odd = reason("# version 450\nvoid main() { oops; }");
+        assert!(odd.contains("line 2: 'oops'"), "{odd}");
         assert!(reason("#version 450\nvoid main() { \0 }").contains("line 2: a NUL"));
         assert!(reason("#version 450\nvoid main() { ä = 1; }").contains("line 2"));
         assert!(reason("").contains("bad.frag"));

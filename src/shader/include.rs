@@ -1,39 +1,86 @@
-//! `#include` of GLSL files, for shaders that come from files.
+//! `#version` and `#include` of GLSL files, for shaders that come from files.
 
 use std::{
     borrow::Cow,
+    ops::Range,
     path::{Path, PathBuf},
 };
+
+/// What ends a line of text, but not a line of the source.
+const CONTINUED: [&str; 3] = ["\\\r\n", "\\\n", "\\\r"];
+
+/// `text` after blanks, comments and ends of lines that go on; after ends of all lines if it may `go_on`.
+fn after_blanks(mut text: &str, go_on: bool) -> &str {
+    loop {
+        text = text.trim_start_matches([' ', '\t', '\x0b', '\x0c']);
+        let further = if let Some(comment) = text.strip_prefix("/*") {
+            comment.split_once("*/").map(|(_, after)| after)
+        } else if let Some(after) = CONTINUED.iter().find_map(|end| text.strip_prefix(end)) {
+            Some(after)
+        } else if text.starts_with("//") {
+            go_on.then(|| &text[line_end(text)..])
+        } else {
+            text.strip_prefix(['\n', '\r']).filter(|_| go_on)
+        };
+        match further {
+            Some(after) => text = after,
+            None => return text,
+        }
+    }
+}
+
+/// Where the first line of the source in `text` ends.
+fn line_end(text: &str) -> usize {
+    let (mut rest, mut is_comment) = (text, false);
+    while let Some(at) = rest.find(['\n', '\r', '\\', '/']) {
+        rest = &rest[at..];
+        is_comment |= rest.starts_with("//");
+        let opens = rest.starts_with("/*") && !is_comment;
+        let comment = rest[1..].find("*/").filter(|_| opens).map(|end| end + 3);
+        let continued = CONTINUED.iter().find(|end| rest.starts_with(**end)).map(|end| end.len());
+        match comment.or(continued) {
+            Some(passed) => rest = &rest[passed..],
+            None if rest.starts_with(['\n', '\r']) => return text.len() - rest.len(),
+            None => rest = &rest[1..],
+        }
+    }
+    text.len()
+}
+
+/// The line of the `#version`, which nothing but blanks and comments may precede.
+pub(super) fn version(source: &str) -> Option<Range<usize>> {
+    let line = after_blanks(source, true);
+    let name = after_blanks(line.strip_prefix('#')?, false);
+    let start = source.len() - line.len();
+    name.starts_with("version").then(|| start..start + line_end(line))
+}
+
+/// The number of the line that byte `at` is in.
+pub(super) fn line_number(source: &str, at: usize) -> usize {
+    source[..at].matches('\n').count() + 1
+}
 
 /// Whether an `#include` is somewhere in the source, as preprocessors read it: blanks, comments and the end of
 /// a line that goes on may stand behind the `#`.
 pub(super) fn is_in(source: &str) -> bool {
-    let joined = source.replace("\\\r\n", "").replace("\\\n", "").replace("\\\r", "");
-    joined.split('#').skip(1).any(|mut directive| {
-        loop {
-            directive = directive.trim_start_matches([' ', '\t', '\x0b', '\x0c']);
-            match directive.strip_prefix("/*").and_then(|comment| comment.split_once("*/")) {
-                Some((_, after)) => directive = after,
-                None => return directive.starts_with("include"),
-            }
-        }
-    })
+    let joined = CONTINUED.iter().fold(source.to_string(), |text, end| text.replace(end, ""));
+    let mut directives = joined.split('#').skip(1);
+    directives.any(|directive| after_blanks(directive, false).starts_with("include"))
 }
 
 /// The source with the extension on that `#include` belongs to, as compilers of files have it: many
 /// sources rely on that. Lines keep their numbers.
 pub(super) fn allowed(source: &str) -> Cow<'_, str> {
     let said = ["GL_GOOGLE_include_directive", "GL_ARB_shading_language_include"];
-    let version = source.lines().position(|line| line.trim_start().starts_with("#version"));
-    let (true, false, Some(line)) =
-        (is_in(source), said.iter().any(|e| source.contains(e)), version)
+    let (true, false, Some(version)) =
+        (is_in(source), said.iter().any(|e| source.contains(e)), version(source))
     else {
         return source.into();
     };
-    let at = source.split_inclusive('\n').take(line + 1).map(str::len).sum();
-    let (head, rest) = source.split_at(at);
+    let (head, rest) = source.split_at(version.end);
     let extension = "#extension GL_GOOGLE_include_directive : enable";
-    format!("{head}\n{extension}\n#line {}\n{rest}", line + 2).into()
+    // The rest begins with the end of the version's line.
+    format!("{head}\n{extension}\n#line {}{rest}", line_number(source, version.end) + 1).into()
 }
 
 /// Deeper nesting is taken for a file that includes itself.
@@ -95,5 +142,52 @@ mod tests {
         write("lib/b.glsl", "#include \"b.glsl\"\n");
         let fault = Shader::from_file(folder.path(), &folder.path().join("x.frag"));
         assert!(fault.is_err(), "a file that includes itself");
+    }
+
+    #[test]
+    fn a_version_may_be_written_in_any_way() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("one.glsl"), "const float ONE = 1.0;\n").unwrap();
+        let path = folder.path().join("x.frag");
+        let body = "#include \"one.glsl\"
+layout(location = 0) out vec4 color;
+void main() { color = vec4(ONE); }
+";
+        for version in [
+            "#version 460",
+            "  #\t version 460 // newest",
+            "// #version 300 es\n# version 460",
+            "/* #version 300 es\n*/ # version 460 /* the end\n*/",
+            "#version 460 core // no /* comment",
+            "// no /* comment\n#version 460",
+        ] {
+            std::fs::write(&path, format!("{version}\n{body}")).unwrap();
+            Shader::from_file(folder.path(), &path).unwrap_or_else(|e| panic!("{version}: {e}"));
+            // Lines keep their numbers.
+            std::fs::write(&path, format!("{version}\n{body}oops")).unwrap();
+            let text = Shader::from_file(folder.path(), &path).unwrap_err().to_string();
+            let line = version.matches('\n').count() + 5;
+            assert!(text.contains(&format!("line {line}")), "{version}: {text}");
+        }
+    }
+
+    #[test]
+    fn the_line_of_the_version_is_found() {
+        let found = |source: &str| super::version(source).map(|range| source[range].to_string());
+        for (source, line) in [
+            ("#version 450", Some("#version 450")),
+            ("// #version 1\r\n\n #\t version 450\r\nvoid", Some("#\t version 450")),
+            ("/*\n*/ # /* */ version 450 /*\n*/\nvoid", Some("# /* */ version 450 /*\n*/")),
+            ("#\\\nversion \\\r\n450\nvoid", Some("#\\\nversion \\\r\n450")),
+            ("#version 450 // /*\nvoid", Some("#version 450 // /*")),
+            ("#version 450 /", Some("#version 450 /")),
+            ("void main() {}\n#version 450", None),
+            ("// #version 450", None),
+            ("/* #version 450", None),
+            ("#define version", None),
+            ("", None),
+        ] {
+            assert_eq!(found(source).as_deref(), line, "{source}");
+        }
     }
 }

@@ -57,6 +57,7 @@ fn maker() -> &'static str {
             include_bytes!("bundled.rs").as_slice(),
             include_bytes!("system.rs").as_slice(),
             include_bytes!("compile.rs").as_slice(),
+            include_bytes!("include.rs").as_slice(),
             include_bytes!("validate.rs").as_slice(),
         ]);
         let compiler = if cfg!(feature = "glsl-bundled") { "bundled" } else { env!("LIBSHADERC") };
@@ -92,5 +93,28 @@ mod tests {
             assert!(entry.is_none(), "{including}");
         }
         entry(Stage::Vertex, "#define a // it may include more");
+    }
+    /// What stands behind `use super::` in `file`: names of modules begin in lower case.
+    fn drawn_on(file: &str) -> Vec<String> {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/shader").join(file);
+        let text = std::fs::read_to_string(path).unwrap();
+        let uses = text.split("use super::").skip(1).filter_map(|rest| rest.split(';').next());
+        let names = uses.flat_map(|uses| uses.split(['{', '}', ',']).map(str::trim));
+        let modules = names.filter_map(|name| name.split([':', ' ']).next());
+        let is_module = |name: &&str| name.starts_with(|c: char| c.is_ascii_lowercase());
+        modules.filter(is_module).map(str::to_string).collect()
+    }
+
+    #[test]
+    fn every_file_that_makes_a_module_is_part_of_its_maker() {
+        let all = [drawn_on("compile.rs"), vec!["compile".to_string()]].concat();
+        assert!(all.contains(&"include".to_string()), "{all:?}");
+        // A result, which has no code, and this file, which makes nothing.
+        let other = ["self", "module", "stored"];
+        for name in all.iter().filter(|name| !other.contains(&name.as_str())) {
+            let text = include_str!("stored.rs");
+            let file = format!("include_bytes!(\"{name}.rs\")");
+            assert!(text.contains(&file), "{name}.rs is left out");
+        }
     }
 }
