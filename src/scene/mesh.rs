@@ -27,6 +27,23 @@ pub(super) struct Mesh {
     pub indices: Option<Vec<u32>>,
 }
 
+/// How [`Mesh::complete_normals`] makes normals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Normals {
+    /// Each triangle has its own.
+    Flat,
+    /// Faces at one position that are within `crease` (the cosine of an angle) of each other are smoothed:
+    /// round things look round and edges stay.
+    Smooth { crease: f32 },
+}
+
+impl Normals {
+    /// All faces within a little over a right angle are smoothed. Two layers that lie on each other and face
+    /// opposite ways, such as a leaf's, are not: their sum is no normal. Right angles are the most common ones;
+    /// on which side of the limit one of them lies must not depend on how it rounds.
+    pub const SMOOTH: Self = Self::Smooth { crease: -0.01 };
+}
+
 impl Mesh {
     /// In the mesh's space.
     pub fn bounds(&self) -> Bounds {
@@ -88,46 +105,43 @@ impl Mesh {
         pick(&mut self.colors, order);
     }
 
-    /// Gives the corners that have no usable normal that of their triangle, as glTF demands where a file
-    /// has none.
+    /// Gives the corners that have no usable normal one that is made from the faces. If all have one, nothing
+    /// changes. In a `flipped` mesh the front of a triangle is the other side.
+    pub fn complete_normals(&mut self, how: Normals, flipped: bool) {
+        if self.has_usable_normals() {
+            return;
+        }
+        if !self.normals.iter().any(is_usable) {
+            // Tangents belong to the normals.
+            self.tangents.clear();
+            self.normals = vec![Vec3::ZERO; self.positions.len()];
+        }
+        let made = match how {
+            Normals::Flat => self.flat_normals(),
+            Normals::Smooth { crease } => self.smooth_normals(crease),
+        };
+        let side = if flipped { -1.0 } else { 1.0 };
+        self.unshare();
+        for (normal, made) in self.normals.iter_mut().zip(made) {
+            if !is_usable(normal) {
+                *normal = made * side;
+            }
+        }
+        if let Normals::Smooth { .. } = how {
+            self.share();
+        }
+    }
+
+    /// The normal of its triangle for each corner.
     ///
     /// Corners are copied, three per triangle. Derivatives in the fragment shader would save that,
     /// but they lose their digits on slivers and small triangles, where two executors then differ.
-    pub fn make_flat_normals(&mut self) {
-        let faces = self.faces();
-        self.complete_normals(faces.iter().flat_map(|face| [unit(*face).unwrap_or(Vec3::Y); 3]));
+    fn flat_normals(&self) -> Vec<Vec3> {
+        self.faces().iter().flat_map(|face| [unit(*face).unwrap_or(Vec3::Y); 3]).collect()
     }
 
-    /// Gives vertices whose normal has no direction one from their faces; if none has one, each triangle
-    /// its own. In a `flipped` mesh the front of a triangle is the other side.
-    pub fn mend_normals(&mut self, flipped: bool) {
-        let lost: Vec<bool> = self.normals.iter().map(|n| !is_usable(n)).collect();
-        let side = if flipped { -1.0 } else { 1.0 };
-        if lost.iter().all(|lost| *lost) {
-            self.make_flat_normals();
-            self.normals.iter_mut().for_each(|n| *n *= side);
-            return;
-        }
-        if lost.iter().all(|lost| !lost) {
-            return;
-        }
-        let mut sums = vec![Vec3::ZERO; self.normals.len()];
-        for corners in self.triangles() {
-            let [a, b, c] = corners.map(|i| self.positions[i as usize]);
-            let face = (b - a).cross(c - a);
-            corners.into_iter().for_each(|i| sums[i as usize] += face);
-        }
-        for (i, normal) in self.normals.iter_mut().enumerate().filter(|(i, _)| lost[*i]) {
-            *normal = sums[i].normalize_or(Vec3::Y) * side;
-        }
-    }
-
-    /// Gives the corners that have no usable normal the mean normal of the faces around their position
-    /// that are within `crease` (the cosine of an angle) of their own face: round things look round and
-    /// edges stay.
-    ///
-    /// For OBJ files, which leave the choice to the reader where they have no normals.
-    pub fn make_smooth_normals(&mut self, crease: f32) {
+    /// For each corner the mean normal of the faces around its position that are within `crease` of its own.
+    fn smooth_normals(&self, crease: f32) -> Vec<Vec3> {
         let triangles = self.triangles();
         let places = self.places();
         let faces = self.faces();
@@ -151,7 +165,7 @@ impl Mesh {
         // was cut into (Thürmer and Wüthrich 1998).
         let angles = self.angles();
         let part = |corner: usize| units[corner / 3].as_dvec3() * angles[corner];
-        let made = triangles.as_flattened().iter().enumerate().map(|(own, corner)| {
+        let normal = |(own, corner): (usize, &u32)| {
             let place = places[*corner as usize] as usize;
             let here = &around[ends[place]..ends[place + 1]];
             // A place with hundreds of faces is a fan's hub; a share of them is near enough, and
@@ -162,13 +176,12 @@ impl Mesh {
             // The sum goes round in one order for all corners, so that equal faces give equal bits.
             let sum: DVec3 = sampled.filter(near).map(part).sum();
             unit(sum).or(unit(part(own))).unwrap_or(Vec3::Y)
-        });
-        self.complete_normals(made);
-        self.share();
+        };
+        triangles.as_flattened().iter().enumerate().map(normal).collect()
     }
 
     /// Whether each vertex has a normal that points somewhere.
-    pub fn has_usable_normals(&self) -> bool {
+    fn has_usable_normals(&self) -> bool {
         self.normals.len() == self.positions.len() && self.normals.iter().all(is_usable)
     }
 
@@ -190,21 +203,6 @@ impl Mesh {
             a.cross(b).length().atan2(a.dot(b))
         };
         self.triangles().into_iter().flat_map(|t| [0, 1, 2].map(|i| angle(t, i))).collect()
-    }
-
-    /// Takes the normals in `made`, one for each corner of the triangles, where there is no usable one,
-    /// and makes the mesh an unshared triangle list.
-    fn complete_normals(&mut self, made: impl IntoIterator<Item = Vec3>) {
-        self.tangents.clear();
-        if self.normals.is_empty() {
-            self.normals = vec![Vec3::ZERO; self.positions.len()];
-        }
-        self.unshare();
-        for (normal, made) in self.normals.iter_mut().zip(made) {
-            if !is_usable(normal) {
-                *normal = made;
-            }
-        }
     }
 
     /// For each vertex the number of its position; equal positions have one number.
@@ -370,7 +368,7 @@ mod tests {
         mesh.topology = Topology::TriangleFan;
         mesh.indices = None;
         assert_eq!(mesh.triangles(), [[1, 2, 0], [2, 3, 0]]);
-        mesh.make_flat_normals();
+        mesh.complete_normals(Normals::Flat, false);
         assert_eq!(mesh.normals, vec![Vec3::Z; 6]);
     }
 
@@ -380,11 +378,22 @@ mod tests {
             let front = if flipped { Vec3::NEG_Z } else { Vec3::Z };
             let mut mesh = quad();
             mesh.normals = vec![Vec3::ZERO, Vec3::X, Vec3::NAN, Vec3::X];
-            mesh.mend_normals(flipped);
+            mesh.complete_normals(Normals::SMOOTH, flipped);
             assert_eq!(mesh.normals, [front, Vec3::X, front, Vec3::X]);
             mesh.normals = vec![Vec3::ZERO; 4];
-            mesh.mend_normals(flipped);
+            mesh.complete_normals(Normals::Flat, flipped);
             assert_eq!(mesh.normals, vec![front; 6]);
+        }
+    }
+
+    #[test]
+    fn small_meshes_get_normals_from_their_faces_too() {
+        for size in [1e-20, 1e15] {
+            let mut mesh = quad();
+            mesh.positions.iter_mut().for_each(|p| *p *= size);
+            mesh.normals = vec![Vec3::ZERO, Vec3::X, Vec3::NAN, Vec3::X];
+            mesh.complete_normals(Normals::SMOOTH, false);
+            assert_eq!(mesh.normals, [Vec3::Z, Vec3::X, Vec3::Z, Vec3::X]);
         }
     }
 
@@ -432,10 +441,10 @@ mod tests {
             ..Mesh::default()
         };
         let mut sharp = fold(-50.0);
-        sharp.make_smooth_normals(0.7);
+        sharp.complete_normals(Normals::Smooth { crease: 0.7 }, false);
         assert!(sharp.normals[1].abs_diff_eq(Vec3::Z, 1e-3));
         let mut round = fold(-0.3);
-        round.make_smooth_normals(0.7);
+        round.complete_normals(Normals::Smooth { crease: 0.7 }, false);
         assert!(round.normals[1].x > 0.05, "{}", round.normals[1]);
         // One face has the corners between them at 0, the other at -0.
         let mut signed = fold(-0.3);
@@ -445,7 +454,7 @@ mod tests {
             let second = &mut signed.indices.as_mut().unwrap()[6..];
             second.iter_mut().filter(|index| **index == from as u32).for_each(|index| *index = i);
         }
-        signed.make_smooth_normals(0.7);
+        signed.complete_normals(Normals::Smooth { crease: 0.7 }, false);
         assert!(signed.normals.iter().any(|n| *n == round.normals[1]), "{:?}", signed.normals);
         assert!(signed.normals.iter().all(|n| round.normals.contains(n)), "{:?}", signed.normals);
     }

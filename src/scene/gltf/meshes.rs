@@ -3,7 +3,7 @@
 
 use super::super::{
     build::{Builder, COLOR, NORMAL, POSITION, Part, TANGENT, UV},
-    mesh::Mesh,
+    mesh::{Mesh, Normals, is_usable},
     place::direction_matrix,
 };
 use super::{
@@ -93,14 +93,15 @@ fn part(
         return Ok(Added::Nothing);
     }
     let described = &builder.materials[material];
+    let lit = !described.unlit;
     // Only tangents of a normal map are ever read, only lit surfaces need normals.
-    let normal_map = described.normal_uv_set().filter(|_| !described.unlit);
+    let normal_map = described.normal_uv_set().filter(|_| lit);
     let tangents = normal_map.is_none() || source.find(Semantic::Tangents).is_some();
-    let normals = described.unlit || source.find(Semantic::Normals).is_some();
+    let normals = !lit || source.find(Semantic::Normals).is_some();
     let morphed = deform.weights.iter().any(|&w| w != 0.0) && primitive.targets.is_some();
     if normals
         && tangents
-        && source.has_directions(data, described.unlit)?
+        && source.has_directions(data, lit)?
         && !morphed
         && deform.joints.is_none()
         && let Some(part) = direct(data, builder, &source, topology, material, uv_sets)?
@@ -119,11 +120,13 @@ fn part(
     // Joints have moved a skin to the world already, and with it perhaps into a mirror: what is made
     // from its winding then points to the wrong side.
     let flipped = deform.joints.is_some() && deform.mirrored;
-    if !normals {
-        mesh.make_flat_normals();
-        mesh.normals.iter_mut().filter(|_| flipped).for_each(|n| *n = -*n);
-    } else if source.find(Semantic::Normals).is_some() {
-        mesh.mend_normals(flipped);
+    if lit || source.find(Semantic::Normals).is_some() {
+        // Where a file has no normals, glTF demands flat ones.
+        let how = match mesh.normals.iter().any(is_usable) {
+            true => Normals::SMOOTH,
+            false => Normals::Flat,
+        };
+        mesh.complete_normals(how, flipped);
     }
     if let Some(set) = normal_map.filter(|_| mesh.tangents.is_empty()) {
         mesh.make_tangents(set);
@@ -197,8 +200,8 @@ impl Source<'_> {
     }
 
     /// Whether all normals have a direction, or the material needs none.
-    fn has_directions(&self, data: &mut Data, unlit: bool) -> Checks<bool> {
-        let normals = self.find(Semantic::Normals).filter(|_| !unlit);
+    fn has_directions(&self, data: &mut Data, lit: bool) -> Checks<bool> {
+        let normals = self.find(Semantic::Normals).filter(|_| lit);
         normals.map_or(Ok(true), |normals| data.is_directed(normals))
     }
 

@@ -1,7 +1,12 @@
 //! From the polygons of a file to meshes in single precision.
 
 use super::{
-    super::{anchor::Anchor, bounds::Bounds, hash::BitMap, mesh::Mesh},
+    super::{
+        anchor::Anchor,
+        bounds::Bounds,
+        hash::BitMap,
+        mesh::{Mesh, Normals},
+    },
     parse::{Corner, Group, NONE, Obj, Smoothing},
     polygon,
 };
@@ -9,12 +14,6 @@ use glam::{DVec3, Vec2};
 
 /// Faces within this angle (its cosine, 50 degrees) are smoothed where a file leaves it open.
 const CREASE: f32 = 0.64;
-
-/// Faces within this angle, a little over a right one, are smoothed where a file asks for it. Two layers
-/// that lie on each other and face opposite ways, such as a leaf's, are not: their sum is no normal.
-/// Right angles are the most common ones; on which side of the limit one of them lies must not depend
-/// on how it rounds.
-const SAME_LAYER: f32 = -0.01;
 
 /// A file keeps the origin of its coordinates as long as half of its groups lie within this many times
 /// the size of what that half fills: single precision then moves a corner by at most 1/250,000 of it.
@@ -107,13 +106,12 @@ pub(super) fn mesh(obj: &Obj, group: &Group, anchor: Anchor, steps: &mut u64) ->
         }
     }
     mesh.indices = Some(indices);
-    if !mesh.has_usable_normals() {
-        match group.smoothing {
-            Smoothing::Off => mesh.make_flat_normals(),
-            Smoothing::Unsaid => mesh.make_smooth_normals(CREASE),
-            Smoothing::Group(_) => mesh.make_smooth_normals(SAME_LAYER),
-        }
-    }
+    let how = match group.smoothing {
+        Smoothing::Off => Normals::Flat,
+        Smoothing::Unsaid => Normals::Smooth { crease: CREASE },
+        Smoothing::Group(_) => Normals::SMOOTH,
+    };
+    mesh.complete_normals(how, false);
     mesh
 }
 
