@@ -20,6 +20,7 @@ mod pass;
 mod property;
 mod readme;
 mod regression;
+mod resource_arrays;
 mod scene;
 mod setup;
 mod splice;

@@ -353,6 +353,36 @@ void main() { color = vec4(narrow ? float(wide) : 0.0); }";
 }
 
 #[test]
+fn an_array_of_resources_has_one_length() {
+    let head = "layout(location = 0) in vec2 uv;
+layout(location = 1) flat in uint id;
+layout(location = 0) out vec4 color;\n";
+    let body = "layout(constant_id = 5) const uint N = 2;
+layout(set = 0, binding = 2) uniform sampler2D images[N];
+void main() { color = texture(images[id], uv); }";
+    let fragment = shader(Stage::Fragment, "sized.frag", &format!("{head}{body}"));
+    refused(&["specialization constant 5 of `sized.frag`", "change from 2 to 3"], |p| {
+        p.pipeline.fragment = fragment.clone();
+        p.pipeline.specialization = vec![(5, 3)];
+    });
+    let mut parts = Parts::new();
+    (parts.pipeline.fragment, parts.pipeline.specialization) = (fragment.clone(), vec![(5, 2)]);
+    parts.assemble().validate().unwrap();
+    // Two are bound. The vertex shader leaves the length open, the fragment shader does not.
+    refused(&["set 0 binding 2 has 3 elements; 2 are bound"], |p| {
+        let body = "layout(set = 0, binding = 2) uniform sampler2D images[];
+layout(location = 0) out vec2 uv;
+layout(location = 1) flat out uint id;
+void main() { gl_Position = textureLod(images[1], vec2(0), 0.0); uv = vec2(0); id = 1; }";
+        p.pipeline.vertex = shader(Stage::Vertex, "open.vert", body);
+        let body = "layout(set = 0, binding = 2) uniform sampler2D images[3];
+void main() { color = texture(images[id % 3], uv); }";
+        let three = format!("{head}{body}");
+        p.pipeline.fragment = shader(Stage::Fragment, "three.frag", &three);
+    });
+}
+
+#[test]
 fn vertices_instances_and_primitives_have_numbers_of_32_bits() {
     let taken = |first, count, first_instance, instances| {
         let mut parts = Parts::new();

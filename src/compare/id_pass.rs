@@ -197,7 +197,7 @@ mod tests {
     use super::*;
     use crate::{
         image::Extent,
-        shader::Reflection,
+        shader::{Details, Reflection},
         state::{Blend, Cull, DepthState, FrontFace, Topology},
     };
 
@@ -209,7 +209,7 @@ mod tests {
             reflection: Reflection { push_constant_bytes: 8, ..Reflection::default() },
             hash: 0,
             refusal: None,
-            wide_constants: Vec::new(),
+            details: Details::default(),
         };
         Pipeline {
             label: "p".into(),

@@ -343,9 +343,12 @@ impl Planner<'_> {
         self.open = Some(OpenBatch::new(info.method, self.plan.pieces.len() as u32, kept));
     }
 
-    /// Slots of a shader's resources, the push-constant block last: where they start in the list.
+    /// The numbers that a shader's kernel gets for a draw, in the order of [`Shader::last_element`]: where they
+    /// start in the list.
     fn resources(&mut self, shader: &Shader, draw: &Draw) -> Result<u32> {
-        let mut list = Vec::with_capacity(shader.reflection.resources.len() + 1);
+        let arrays = &shader.details.arrays;
+        let mut list = Vec::with_capacity(shader.reflection.resources.len() + 1 + arrays.len());
+        let mut bound = Vec::with_capacity(shader.reflection.resources.len());
         for resource in &shader.reflection.resources {
             let found = draw.sets.get(resource.set as usize).and_then(|set| {
                 let entry = set.entries.iter().find(|e| e.binding == resource.binding)?;
@@ -358,10 +361,14 @@ impl Planner<'_> {
                 )));
             };
             list.push(self.slots.bindings(set, entry, resource.bytes)?);
+            // More may be bound than the shader declares.
+            let declared = if resource.count == 0 { u32::MAX } else { resource.count };
+            bound.push(declared.min(entry.resources.len() as u32));
         }
         if shader.reflection.push_constant_bytes > 0 {
             list.push(self.slots.push_constants(&draw.push_constants)?);
         }
+        list.extend(arrays.iter().map(|array| bound[array.number as usize].saturating_sub(1)));
         let base = self.plan.resource_slots.len();
         // Draws that follow each other often bind the same.
         let recent = base.saturating_sub(list.len());

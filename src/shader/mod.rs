@@ -44,6 +44,7 @@ pub(crate) mod testing {
 
 use crate::{Error, Result};
 pub use file::FileOptions;
+pub(crate) use resource::ResourceArray;
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -79,10 +80,20 @@ pub struct Shader {
     pub(crate) reflection: Reflection,
     /// Why no pass can draw with it; `None` if one can. A shader with a reason can only be spliced.
     pub(crate) refusal: Option<String>,
-    /// `constant_id`s of the module whose constants are not 32 bits wide: a pipeline sets 32 bits.
-    pub(crate) wide_constants: Vec<u32>,
+    pub(crate) details: Details,
     /// Of the words. Equal hashes do not make shaders equal: the words are compared.
     pub(crate) hash: u64,
+}
+
+/// What executors have to know beside the [`Reflection`].
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Details {
+    /// `constant_id`s of the module whose constants are not 32 bits wide: a pipeline sets 32 bits.
+    pub wide_constants: Vec<u32>,
+    /// Resources that are declared as arrays, by number.
+    pub arrays: Vec<ResourceArray>,
+    /// `constant_id`s and defaults of the specialization constants that are lengths of these arrays.
+    pub array_lengths: Vec<(u32, u32)>,
 }
 
 impl PartialEq for Shader {
@@ -326,14 +337,13 @@ impl Shader {
     /// As [`Shader::own`], also for shaders that no pass can draw with.
     pub(crate) fn reflected(stage: Stage, label: &str, words: &[u32]) -> Result<Shader> {
         let module = module::parse(words).map_err(|reason| Error::shader(label, reason))?;
-        let (reflection, refusal) =
+        let (reflection, details, refusal) =
             reflect::reflect(&module, stage).map_err(|reason| Error::shader(label, reason))?;
-        let wide_constants = reflect::wide_constants(&module);
         let mut hasher = DefaultHasher::new();
         words.hash(&mut hasher);
         let (label, hash) = (label.into(), hasher.finish());
         let spirv = words.to_vec();
-        Ok(Shader { label, stage, spirv, reflection, refusal, wide_constants, hash })
+        Ok(Shader { label, stage, spirv, reflection, refusal, details, hash })
     }
 
     /// The shader, if a pass can draw with it.
@@ -359,6 +369,16 @@ impl Shader {
         &self.spirv
     }
 
+    /// In the list of numbers that a kernel gets for a draw, the one of the last element of resource `number`,
+    /// if that is an array. The slots of the resources come first, then that of the push-constant block, then
+    /// the last elements of all arrays.
+    pub(crate) fn last_element(&self, number: u32) -> Option<u32> {
+        let Reflection { resources, push_constant_bytes, .. } = &self.reflection;
+        let slots = resources.len() as u32 + u32::from(*push_constant_bytes > 0);
+        let array = self.details.arrays.iter().position(|array| array.number == number)?;
+        Some(slots + array as u32)
+    }
+
     /// Its resources, inputs and outputs.
     pub fn reflection(&self) -> &Reflection {
         &self.reflection
@@ -377,7 +397,7 @@ mod tests {
             spirv: words.to_vec(),
             reflection: Reflection::default(),
             refusal: None,
-            wide_constants: Vec::new(),
+            details: Details::default(),
             hash,
         };
         let one = shader("one", &[1, 2, 3], 7);

@@ -1,7 +1,7 @@
 //! Finds the resources, inputs and outputs of a shader in its SPIR-V.
 
 use super::{
-    Reflection, Stage, block,
+    Details, Reflection, Stage, block,
     interface::{self, Variable},
     module::{Index, Outcome, ids},
     reach, resource,
@@ -13,7 +13,10 @@ use rspirv::{
 };
 
 /// Reflects the entry point `main` of `stage`; says also why no pass can draw with it, if so.
-pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<(Reflection, Option<String>)> {
+pub(super) fn reflect(
+    module: &dr::Module,
+    stage: Stage,
+) -> Outcome<(Reflection, Details, Option<String>)> {
     let index = Index::new(module);
     let usage = Usage::new(&index, stage)?;
     let mut reflection = Reflection::default();
@@ -30,6 +33,11 @@ pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<(Reflection,
         reflection.push_constant_bytes = block::bytes(&index, ty)?;
     }
     reflection.resources = bound.resources;
+    let details = Details {
+        wide_constants: wide_constants(&index),
+        arrays: bound.arrays,
+        array_lengths: bound.lengths,
+    };
     reflection.inputs.sort_by_key(|v| (v.location, v.component));
     reflection.outputs.sort_by_key(|v| (v.location, v.component));
     reflection.specialization = specialization(&index, &usage);
@@ -43,7 +51,7 @@ pub(super) fn reflect(module: &dr::Module, stage: Stage) -> Outcome<(Reflection,
         reflection.has_side_effects |= has_side_effect(&index, instruction);
         reflection.takes_derivatives |= stage == Stage::Fragment && takes_derivative(op);
     }
-    Ok((reflection, reach::refusal(&index, &usage, stage)?))
+    Ok((reflection, details, reach::refusal(&index, &usage, stage)?))
 }
 
 fn add_varyings(
@@ -76,14 +84,13 @@ fn specialization(index: &Index, usage: &Usage) -> Vec<u32> {
 }
 
 /// The `constant_id`s whose constants are not 32 bits wide, used or not: drivers look at all of them.
-pub(super) fn wide_constants(module: &dr::Module) -> Vec<u32> {
-    let index = Index::new(module);
+fn wide_constants(index: &Index) -> Vec<u32> {
     let is_wide = |i: &&Instruction| {
         let number = i.result_type.and_then(|ty| index.def(ty).ok());
         let number = number.filter(|ty| matches!(ty.class.opcode, Op::TypeInt | Op::TypeFloat));
         number.is_some_and(|ty| ty.operands.first() != Some(&Operand::LiteralBit32(32)))
     };
-    let wide = module.types_global_values.iter().filter(is_wide).filter_map(|i| i.result_id);
+    let wide = index.module.types_global_values.iter().filter(is_wide).filter_map(|i| i.result_id);
     wide.filter_map(|id| index.literal(id, Decoration::SpecId)).collect()
 }
 

@@ -23,11 +23,31 @@ pub(super) struct Bound {
     pub variables: Vec<(Word, u32)>,
     /// The push-constant block's variable.
     pub push_constants: Option<Word>,
+    /// The resources that are declared as arrays, by number.
+    pub arrays: Vec<ResourceArray>,
+    /// `constant_id`s and defaults of the specialization constants that are lengths of such arrays.
+    pub lengths: Vec<(u32, u32)>,
+}
+
+/// A resource that some variable declares as an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ResourceArray {
+    /// Its number.
+    pub number: u32,
+    /// Elements of the longest variable of known length, at least 1.
+    pub least: u32,
+}
+
+/// The resource that a variable declares.
+struct Declared {
+    variable: Word,
+    resource: Resource,
+    is_array: bool,
 }
 
 /// The resources that the entry point uses.
 pub(super) fn bound(index: &Index, usage: &Usage) -> Outcome<Bound> {
-    let mut found: Vec<(Word, Resource)> = Vec::new();
+    let mut found: Vec<Declared> = Vec::new();
     let mut bound = Bound::default();
     for variable in usage.variables(index) {
         let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
@@ -40,20 +60,28 @@ pub(super) fn bound(index: &Index, usage: &Usage) -> Outcome<Bound> {
             }
             StorageClass::PushConstant => bound.push_constants = Some(id),
             StorageClass::UniformConstant | StorageClass::Uniform | StorageClass::StorageBuffer => {
-                found.push((id, resource(index, id, class, ty)?));
+                found.push(resource(index, id, class, ty, &mut bound.lengths)?);
             }
             _ => {}
         }
     }
-    found.sort_by_key(|(_, r)| (r.set, r.binding));
-    for (variable, resource) in found {
+    found.sort_by_key(|found| (found.resource.set, found.resource.binding));
+    for Declared { variable, resource, is_array } in found {
         match bound.resources.last_mut() {
             Some(last) if (last.set, last.binding) == (resource.set, resource.binding) => {
                 merge(last, &resource)?;
             }
             _ => bound.resources.push(resource),
         }
-        bound.variables.push((variable, bound.resources.len() as u32 - 1));
+        let number = bound.resources.len() as u32 - 1;
+        bound.variables.push((variable, number));
+        if is_array {
+            let least = resource.count.max(1);
+            match bound.arrays.last_mut() {
+                Some(known) if known.number == number => known.least = known.least.max(least),
+                _ => bound.arrays.push(ResourceArray { number, least }),
+            }
+        }
     }
     let last = bound.resources.len() as u32;
     bound.variables.extend(bound.push_constants.map(|variable| (variable, last)));
@@ -73,14 +101,21 @@ fn merge(known: &mut Resource, other: &Resource) -> Outcome<()> {
         }
         known.kind = Sampled;
     }
-    known.count = if known.count == 0 { 0 } else { known.count.max(other.count) };
+    let open = known.count == 0 || other.count == 0;
+    known.count = if open { 0 } else { known.count.max(other.count) };
     known.bytes = known.bytes.max(other.bytes);
     known.image = known.image.or(other.image);
     Ok(())
 }
 
-/// The resource that a variable declares.
-fn resource(index: &Index, id: Word, class: StorageClass, ty: Word) -> Outcome<Resource> {
+/// The resource that a variable declares. Notes the specialization constants that are lengths.
+fn resource(
+    index: &Index,
+    id: Word,
+    class: StorageClass,
+    ty: Word,
+    lengths: &mut Vec<(u32, u32)>,
+) -> Outcome<Declared> {
     let at = |decoration, what| {
         index.literal(id, decoration).ok_or_else(|| format!("a resource without a {what}"))
     };
@@ -89,7 +124,12 @@ fn resource(index: &Index, id: Word, class: StorageClass, ty: Word) -> Outcome<R
     let (mut element, mut count) = (ty, 1u32);
     loop {
         let length = match index.op(element)? {
-            Op::TypeArray => interface::length(index, index.id_operand(element, 1)?, &[])?,
+            Op::TypeArray => {
+                let constant = index.id_operand(element, 1)?;
+                let length = interface::length(index, constant, &[])?;
+                lengths.extend(index.literal(constant, Decoration::SpecId).map(|id| (id, length)));
+                length
+            }
             Op::TypeRuntimeArray => 0,
             _ => break,
         };
@@ -121,7 +161,8 @@ fn resource(index: &Index, id: Word, class: StorageClass, ty: Word) -> Outcome<R
         Op::TypeImage => Some(shape(index, element)?),
         _ => None,
     };
-    Ok(Resource { set, binding, kind, count, bytes, image })
+    let resource = Resource { set, binding, kind, count, bytes, image };
+    Ok(Declared { variable: id, resource, is_array: element != ty })
 }
 
 fn shape(index: &Index, image: Word) -> Outcome<ImageShape> {

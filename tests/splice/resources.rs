@@ -20,6 +20,8 @@ fn each_resource_is_the_draws_own() {
         place(&mut scene, &six);
         place(&mut scene, &[vec![5, 6, 7]]);
         place(&mut scene, &[vec![0x4000_0000, 77]]);
+        // The last element of the array.
+        scene.slots.push(5);
         let body = "layout(set = 0, binding = 1) uniform Block { float a; mat3 m; vec4 v; } block;
             layout(set = 0, binding = 3) readonly buffer Many { uint first; uint list[]; } many[6];
             layout(set = 2, binding = 0) readonly buffer Words { uint words[]; };

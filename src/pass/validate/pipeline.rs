@@ -51,7 +51,8 @@ fn merged(vertex: &Shader, fragment: &Shader) -> std::result::Result<Vec<Resourc
     Ok(all)
 }
 
-/// Checks a pipeline; returns its resources, see [`Pipeline::resources`].
+/// Checks a pipeline; returns what has to be bound to it, sorted: its resources (see [`Pipeline::resources`]),
+/// and run-time arrays once more with the elements that they have at least.
 pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, String> {
     for (shader, stage) in
         [(&pipeline.vertex, Stage::Vertex), (&pipeline.fragment, Stage::Fragment)]
@@ -72,7 +73,22 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     check_attributes(pipeline)?;
     check_varyings(pipeline)?;
     check_outputs(&pipeline.fragment)?;
-    merged(&pipeline.vertex, &pipeline.fragment)
+    let mut all = merged(&pipeline.vertex, &pipeline.fragment)?;
+    // Of two variables at one place, one may be a run-time array and the other as long as it says.
+    let is_open = |r: &Resource, all: &[Resource]| {
+        all.iter().any(|a| (a.set, a.binding) == (r.set, r.binding) && a.count == 0)
+    };
+    for shader in [&pipeline.vertex, &pipeline.fragment] {
+        let arrays = shader.details.arrays.iter();
+        let least = arrays.map(|array| Resource {
+            count: array.least,
+            ..shader.reflection.resources[array.number as usize]
+        });
+        let known: Vec<Resource> = least.filter(|r| is_open(r, &all)).collect();
+        all.extend(known);
+    }
+    all.sort_by_key(|r| (r.set, r.binding));
+    Ok(all)
 }
 
 /// Checks that the fragment shader writes the kind of value that the colour target holds. Its outputs at other
@@ -91,16 +107,27 @@ fn check_outputs(fragment: &Shader) -> Fault {
 /// Whether each constant is set once, and takes the 32 bits that a pipeline has for it.
 fn check_specialization(pipeline: &Pipeline) -> Fault {
     let mut named = HashSet::new();
-    for &(id, _) in &pipeline.specialization {
+    for &(id, value) in &pipeline.specialization {
         if !named.insert(id) {
             return Err(format!("specialization constant {id} is set twice"));
         }
         let shaders = [&pipeline.vertex, &pipeline.fragment];
-        if let Some(shader) = shaders.into_iter().find(|s| s.wide_constants.contains(&id)) {
+        if let Some(shader) = shaders.iter().find(|s| s.details.wide_constants.contains(&id)) {
             return Err(format!(
                 "specialization constant {id} of `{}` is not 32 bits wide; pipelines set 32 bits",
                 shader.label
             ));
+        }
+        // Reflection knows no other length, and sets are laid out by it.
+        for shader in shaders {
+            let mut lengths = shader.details.array_lengths.iter();
+            if let Some((_, length)) = lengths.find(|known| known.0 == id && known.1 != value) {
+                return Err(format!(
+                    "specialization constant {id} of `{}` is the length of an array of resources, which \
+                     cannot change from {length} to {value}",
+                    shader.label
+                ));
+            }
         }
     }
     Ok(())

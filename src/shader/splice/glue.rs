@@ -13,6 +13,7 @@ use super::{
     hooks::Hooks,
     import::{Imported, Port, PortKind},
     linker::{Code, Linker, id, literal},
+    resources::Span,
 };
 use crate::abi;
 use crate::shader::{Interpolation, Scalar, Stage, interface::Leaf, module::Outcome};
@@ -22,18 +23,18 @@ use rspirv::{
 };
 use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// Replaces the stubs' bodies. `indices` are the private variables for `tw_resource(i)`, in the order
-/// of the table's variables; `prefetched` fills the private variables that stand for uniforms.
+/// Replaces the stubs' bodies. `spans` are the private variables for `tw_resource(i)`, in the order of the
+/// table's variables; `prefetched` fills the private variables that stand for uniforms.
 pub(super) fn write(
     linker: &mut Linker,
     hooks: &Hooks,
     stage: Stage,
     imported: &Imported,
-    indices: &[Word],
+    spans: &[Span],
     prefetched: Vec<Instruction>,
 ) -> Outcome<()> {
     let mut glue = Glue { code: Code::new(linker), hooks, stage };
-    glue.resources(imported, indices)?;
+    glue.resources(imported, spans)?;
     glue.code.instructions.extend(prefetched);
     if stage == Stage::Vertex {
         glue.bind_each(imported, "tw_bind_attribute(u1;", 1, abi::MAX_ATTRIBUTES)?;
@@ -87,13 +88,16 @@ struct Glue<'a> {
 }
 
 impl Glue<'_> {
-    fn resources(&mut self, imported: &Imported, indices: &[Word]) -> Outcome<()> {
-        for ((_, element), &index) in imported.elements.iter().zip(indices) {
-            let hook = self.hooks.function("tw_resource(u1;")?;
-            let number = self.code.linker.uint_constant(element.number);
-            let uint = self.code.linker.uint();
-            let place = self.code.call(uint, hook, &[number]);
-            self.code.store(index, place);
+    fn resources(&mut self, imported: &Imported, spans: &[Span]) -> Outcome<()> {
+        for ((_, element), span) in imported.elements.iter().zip(spans) {
+            let last = element.last.zip(span.last);
+            for (number, variable) in [(element.number, span.first)].into_iter().chain(last) {
+                let hook = self.hooks.function("tw_resource(u1;")?;
+                let number = self.code.linker.uint_constant(number);
+                let uint = self.code.linker.uint();
+                let value = self.code.call(uint, hook, &[number]);
+                self.code.store(variable, value);
+            }
         }
         Ok(())
     }

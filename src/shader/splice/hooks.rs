@@ -11,7 +11,7 @@
 //! | `void tw_user_bind_inputs()` | fragment | the stub that the kernel calls when another triangle begins |
 //! | `void tw_user_bind_instance()` | vertex | the stub that the kernel calls when another instance begins |
 //! | `void tw_user_main()` | both | the stub that runs the shader |
-//! | `uint tw_resource(const in uint i)` | both | table index of the shader's resource `i` |
+//! | `uint tw_resource(const in uint i)` | both | number `i` of the draw's list: the table indices of the shader's resources, that of its push-constant block, the last elements of its arrays |
 //! | `uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)` | both | four words, none after `last`, of the buffer in a slot of the table |
 //! | `void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value)` | both | takes an output's bits |
 //! | `void tw_bind_attribute(const in uint location)` | vertex | prepares an attribute that will be read |

@@ -106,10 +106,9 @@ pub(super) fn import(
         elements: Vec::new(),
         attachments: HashSet::new(),
     };
-    let (map, own) = (vec![0; size], vec![false; size]);
-    let bound = resource::bound(index, usage)?;
-    let kind = |number: u32| bound.resources.get(number as usize).map(|r| r.kind);
-    let bound = bound.variables.iter().map(|&(v, number)| (v, (number, kind(number)))).collect();
+    let (map, own, bound) = (vec![0; size], vec![false; size], resource::bound(index, usage)?);
+    let kind = |n: u32| bound.resources.get(n as usize).map(|r| r.kind);
+    let bound = bound.variables.iter().map(|&(v, n)| (v, (n, kind(n)))).collect();
     let mut importer =
         Importer { linker, hooks, shader, options, index, usage, map, own, bound, imported };
     importer.preamble()?;
@@ -263,7 +262,8 @@ impl Importer<'_, '_> {
             | StorageClass::StorageBuffer
             | StorageClass::PushConstant => {
                 let (number, kind) = self.bound[&old];
-                let element = resources::element(self.index, class, old_ty, number, kind)?;
+                let at = (number, self.shader.last_element(number), kind);
+                let element = resources::element(self.index, class, old_ty, at)?;
                 let element = element.map_ids(|word| self.id(word));
                 let new = element.declare(self.linker);
                 self.map[old as usize] = new;

@@ -46,6 +46,7 @@ use super::{
 use crate::{Error, Result};
 use hooks::Hooks;
 use linker::Linker;
+use resources::{Element, Span};
 use rspirv::{
     binary::Assemble,
     dr::Operand,
@@ -110,17 +111,17 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
 
     let mut imported = import::import(&mut linker, &hooks, shader, options, &index, &usage)?;
     let mut functions = std::mem::take(&mut imported.functions);
-    let indices = index_variables(&mut linker, imported.elements.len());
+    let spans = span_variables(&mut linker, &imported.elements);
     let arrays = imported.elements.iter().filter(|(_, e)| e.is_array()).map(|(v, _)| *v).collect();
     specialize::specialize(&mut linker, &mut functions, &arrays)?;
     let prefetched = match options.blocks {
         Blocks::Prefetched => {
             let elements = &imported.elements;
-            prefetch::prefetch(&mut linker, &hooks, &mut functions, elements, &indices)?
+            prefetch::prefetch(&mut linker, &hooks, &mut functions, elements, &spans)?
         }
         Blocks::InPlace => vec![],
     };
-    resources::lower(&mut linker, &mut functions, &imported.elements, &indices)?;
+    resources::lower(&mut linker, &mut functions, &imported.elements, &spans)?;
     if shader.stage == Stage::Fragment {
         fragment::lower(&mut linker, &hooks, &mut functions, &imported.attachments)?;
         if shader.reflection.discards {
@@ -134,21 +135,24 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
         guard::lower(&mut linker, &mut functions, helper);
     }
     nonuniform::mark(&mut linker, &functions, &imported.elements);
-    glue::write(&mut linker, &hooks, shader.stage, &imported, &indices, prefetched)?;
+    glue::write(&mut linker, &hooks, shader.stage, &imported, &spans, prefetched)?;
     linker.module.functions.append(&mut functions);
     Ok(finish(linker, kernel_globals, &user))
 }
 
-/// Private variables that hold the table indices of the draw.
-fn index_variables(linker: &mut Linker, count: usize) -> Vec<Word> {
+/// Private variables that hold where the draw's resources are in the table.
+fn span_variables(linker: &mut Linker, elements: &[(Word, Element)]) -> Vec<Span> {
     let uint = linker.uint();
-    (0..count)
-        .map(|n| {
-            let variable = linker.private(uint);
-            linker.name(variable, format!("table index {n}"));
-            variable
-        })
-        .collect()
+    let mut variable = |name: String| {
+        let variable = linker.private(uint);
+        linker.name(variable, name);
+        variable
+    };
+    let span = |(n, (_, element)): (usize, &(Word, Element))| Span {
+        first: variable(format!("table index {n}")),
+        last: element.last.map(|_| variable(format!("last element {n}"))),
+    };
+    elements.iter().enumerate().map(span).collect()
 }
 
 /// Completes the entry point's interface and the header, and writes the words.

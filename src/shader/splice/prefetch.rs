@@ -13,7 +13,7 @@
 use super::{
     hooks::Hooks,
     linker::{Code, Linker, id, literal},
-    resources::Element,
+    resources::{Element, Span},
 };
 use crate::shader::{
     block,
@@ -41,18 +41,18 @@ struct Part {
     stand_in: Word,
 }
 
-/// Makes the user's functions read private variables, and returns the code that fills these. `indices` are the
-/// variables that hold the table index of each of `elements`.
+/// Makes the user's functions read private variables, and returns the code that fills these. `spans` say where
+/// each of `elements` is in the table.
 pub(super) fn prefetch(
     linker: &mut Linker,
     hooks: &Hooks,
     functions: &mut [Function],
     elements: &[(Word, Element)],
-    indices: &[Word],
+    spans: &[Span],
 ) -> Outcome<Vec<Instruction>> {
-    let blocks: HashMap<Word, (Word, Word)> = (elements.iter().zip(indices))
+    let blocks: HashMap<Word, (Word, Word)> = (elements.iter().zip(spans))
         .filter(|((_, element), _)| element.is_read_only() && !element.is_array())
-        .map(|((variable, element), &index)| (*variable, (element.ty(), index)))
+        .map(|((variable, element), span)| (*variable, (element.ty(), span.first)))
         .collect();
     let mut words_left = MAX_WORDS;
     let mut parts: Vec<Part> = Vec::new();

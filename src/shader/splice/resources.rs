@@ -3,8 +3,9 @@
 //! All resources of all draws live in descriptor set 1, one run-time array per kind. The user's
 //! variable keeps its place in the code and becomes a variable of such an array; each use selects
 //! the element of the current draw, `table[tw_resource(i) + index]`, where `index` is the user's own
-//! index into an array of resources, flattened. The call is made when the kernel binds a draw. Several
-//! variables may share a binding of the table, each with its own type.
+//! index into an array of resources, flattened, and never beyond the last element that the draw binds: what
+//! follows in the table is another resource. The call is made when the kernel binds a draw. Several variables
+//! may share a binding of the table, each with its own type.
 //!
 //! Lanes of one subgroup may belong to different draws, so every access is marked as non-uniform (see
 //! [`super::nonuniform`]).
@@ -16,7 +17,7 @@ use crate::shader::{
 };
 use rspirv::{
     dr::{Block, Function, Instruction, Operand},
-    spirv::{Capability, Decoration, Dim, Op, StorageClass, Word},
+    spirv::{Capability, Decoration, Dim, GlslStd450Op, Op, StorageClass, Word},
 };
 use std::collections::HashMap;
 
@@ -27,6 +28,8 @@ pub(super) const SET: u32 = 1;
 pub(super) struct Element {
     /// Its place in the shader's list of resources; the push-constant block comes last.
     pub number: u32,
+    /// Span of its last element's number in the draw's list, if it is an array.
+    pub last: Option<u32>,
     /// Binding in the table's set.
     binding: u32,
     class: StorageClass,
@@ -44,8 +47,7 @@ pub(super) fn element(
     index: &Index,
     class: StorageClass,
     ty: Word,
-    number: u32,
-    kind: Option<ResourceKind>,
+    (number, last, kind): (u32, Option<u32>, Option<ResourceKind>),
 ) -> Outcome<Element> {
     let (mut lengths, mut element) = (Vec::new(), ty);
     loop {
@@ -75,7 +77,9 @@ pub(super) fn element(
     };
     let class = if binding == 4 { StorageClass::StorageBuffer } else { class };
     let read_only = matches!(kind, Some(ResourceKind::Uniform) | None);
-    Ok(Element { number, binding, class, ty: element, lengths, read_only })
+    // Another variable at the same place may be the array.
+    let last = last.filter(|_| !lengths.is_empty());
+    Ok(Element { number, last, binding, class, ty: element, lengths, read_only })
 }
 
 impl Element {
@@ -103,16 +107,25 @@ impl Element {
     }
 }
 
-/// Makes every use of a table variable a use of the draw's element. `indices` are the private
-/// variables that hold `tw_resource(i)`, in the order of `elements`.
+/// The private variables that hold the place of a draw's resource in the table.
+#[derive(Clone, Copy)]
+pub(super) struct Span {
+    /// The slot of its first element.
+    pub first: Word,
+    /// The number of its last element, if it is an array.
+    pub last: Option<Word>,
+}
+
+/// Makes every use of a table variable a use of the draw's element. `spans` say where these are, in the
+/// order of `elements`.
 pub(super) fn lower(
     linker: &mut Linker,
     functions: &mut [Function],
     elements: &[(Word, Element)],
-    indices: &[Word],
+    spans: &[Span],
 ) -> Outcome<()> {
-    let by_variable: HashMap<Word, (&Element, Word)> = (elements.iter().zip(indices))
-        .map(|((variable, element), &index)| (*variable, (element, index)))
+    let by_variable: HashMap<Word, (&Element, Span)> = (elements.iter().zip(spans))
+        .map(|((variable, element), &span)| (*variable, (element, span)))
         .collect();
     for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
         lower_block(linker, block, &by_variable)?;
@@ -123,19 +136,19 @@ pub(super) fn lower(
 fn lower_block(
     linker: &mut Linker,
     block: &mut Block,
-    elements: &HashMap<Word, (&Element, Word)>,
+    elements: &HashMap<Word, (&Element, Span)>,
 ) -> Outcome<()> {
     let mut code = Code::new(linker);
     for mut instruction in std::mem::take(&mut block.instructions) {
         for at in 0..instruction.operands.len() {
             let Some(&Operand::IdRef(variable)) = instruction.operands.get(at) else { continue };
-            let Some(&(element, index)) = elements.get(&variable) else { continue };
+            let Some(&(element, span)) = elements.get(&variable) else { continue };
             let chain =
                 matches!(instruction.class.opcode, Op::AccessChain | Op::InBoundsAccessChain);
             if chain && at == 0 {
-                select(&mut code, &mut instruction, element, index)?;
+                select(&mut code, &mut instruction, element, span)?;
             } else {
-                let pointer = whole(&mut code, variable, element, index)?;
+                let pointer = whole(&mut code, variable, element, span)?;
                 instruction.operands[at] = id(pointer);
             }
         }
@@ -146,7 +159,7 @@ fn lower_block(
 }
 
 /// Turns the indices of an access chain that select a resource into one index of the table.
-fn select(code: &mut Code, chain: &mut Instruction, element: &Element, index: Word) -> Outcome<()> {
+fn select(code: &mut Code, chain: &mut Instruction, element: &Element, span: Span) -> Outcome<()> {
     let depth = element.lengths.len();
     let Some(own) = chain.operands.get(1..1 + depth) else {
         return Err("a part of an array of arrays of resources as a value".into());
@@ -166,23 +179,27 @@ fn select(code: &mut Code, chain: &mut Instruction, element: &Element, index: Wo
             (Some(_), None) => return Err("a run-time array inside an array of resources".into()),
         });
     }
-    let mut place = code.load(uint, index);
-    if let Some(flat) = flat {
-        place = code.emit(Op::IAdd, uint, vec![id(place), id(flat)]);
+    let mut slot = code.load(uint, span.first);
+    if let Some((flat, last)) = flat.zip(span.last) {
+        let last = code.load(uint, last);
+        let set = code.linker.glsl_std();
+        let least = Operand::LiteralExtInstInteger(GlslStd450Op::UMin as u32);
+        let inside = code.emit(Op::ExtInst, uint, vec![id(set), least, id(flat), id(last)]);
+        slot = code.emit(Op::IAdd, uint, vec![id(slot), id(inside)]);
     }
-    chain.operands.splice(1..1 + depth, [id(place)]);
+    chain.operands.splice(1..1 + depth, [id(slot)]);
     Ok(())
 }
 
 /// A pointer to the draw's element, for uses other than through an access chain.
-fn whole(code: &mut Code, variable: Word, element: &Element, index: Word) -> Outcome<Word> {
+fn whole(code: &mut Code, variable: Word, element: &Element, span: Span) -> Outcome<Word> {
     if !element.lengths.is_empty() {
         return Err("an array of resources as a value".into());
     }
     let uint = code.linker.uint();
-    let place = code.load(uint, index);
+    let slot = code.load(uint, span.first);
     let pointer = code.linker.pointer(element.class, element.ty);
-    Ok(code.emit(Op::AccessChain, pointer, vec![id(variable), id(place)]))
+    Ok(code.emit(Op::AccessChain, pointer, vec![id(variable), id(slot)]))
 }
 
 /// An index of any integer type as `uint`.
