@@ -17,6 +17,7 @@ use std::sync::Arc;
 
 mod indices;
 mod validate;
+mod written;
 
 pub use indices::IndexRanges;
 

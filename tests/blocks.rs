@@ -1,14 +1,14 @@
-//! What do shaders read beyond the range that is bound to a block?
+//! What do shaders read beyond the range that is bound to a block, and what do they change by writing to one?
 
 use crate::common::{gpu, on_each_gpu};
 use std::sync::Arc;
 use tilewright::{
     classic, compute,
-    format::Format,
+    format::{Format, VertexFormat},
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Frame, Pass,
-        Pipeline,
+        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Frame, IndexFormat,
+        Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
     state::DepthState,
@@ -155,5 +155,113 @@ fn what_is_indexed_beyond_a_block_is_never_other_memory() {
         for frame in draw(gpu, uniform, 32, Binding::Uniform) {
             assert_eq!(frame.color.texel(3, 3), [255, 255, 0, 255]);
         }
+    });
+}
+
+/// One host buffer holds the indices, a uniform block, the positions and the words that a fragment shader sets to
+/// zero: all of them.
+fn overwritten() -> Pass {
+    let vertex = "#version 450
+        layout(location = 0) in vec2 position;
+        void main() { gl_Position = vec4(position, 0, 1); }";
+    let fragment = "#version 450
+        layout(binding = 0) buffer Words { uint words[]; };
+        layout(binding = 1) uniform Block { vec4 tint; };
+        layout(location = 0) out vec4 color;
+        void zero(int at) { atomicAnd(words[at], 0u); }
+        void main() {
+            color = tint;
+            words[int(gl_FragCoord.x)] = 0u;
+            for (int i = 0; i < 3; i++) zero(i + 64 * (int(gl_FragCoord.y) % 3));
+        }";
+    let mut words = [0u32; 192];
+    words[..3].copy_from_slice(&[2, 1, 0]);
+    words[64..68].copy_from_slice(&[0.0f32, 1.0, 0.0, 1.0].map(f32::to_bits));
+    words[128..134].copy_from_slice(&[-1.0f32, -1.0, -1.0, 3.0, 3.0, -1.0].map(f32::to_bits));
+    let bytes = words.iter().flat_map(|word| word.to_ne_bytes()).collect();
+    let buffer = Arc::new(Buffer { label: "everything".into(), bytes });
+    let range = |offset, bytes| BufferRange { buffer: buffer.clone(), offset, bytes };
+    let entry = |binding, resource| BindingEntry { binding, resources: vec![resource] };
+    let whole = BufferRange::whole(&buffer);
+    let entries =
+        vec![entry(0, Binding::Storage(whole)), entry(1, Binding::Uniform(range(256, 16)))];
+    let mut pass = Pass::new("overwritten", Extent::new(8, 8));
+    pass.color.format = Format::Rgba8Unorm;
+    pass.pipelines.push(Arc::new(Pipeline {
+        depth: DepthState::OFF,
+        vertex_bindings: vec![VertexBinding { stride: 8, rate: StepRate::Vertex }],
+        vertex_attributes: vec![VertexAttribute {
+            location: 0,
+            binding: 0,
+            format: VertexFormat::F32X2,
+            offset: 0,
+        }],
+        ..Pipeline::new(
+            "overwritten",
+            Arc::new(shader(Stage::Vertex, "overwritten.vert", vertex)),
+            Arc::new(shader(Stage::Fragment, "overwritten.frag", fragment)),
+        )
+    }));
+    pass.draws.push(Draw {
+        sets: vec![Arc::new(BindingSet { entries })],
+        vertex_buffers: vec![range(512, 24)],
+        indices: Some(Indices { range: range(0, 12), format: IndexFormat::U32 }),
+        ..Draw::new(0, 3)
+    });
+    // The second draw finds the indices of the first.
+    pass.draws.push(pass.draws[0].clone());
+    pass
+}
+
+#[test]
+fn what_shaders_write_stays_in_the_pass() {
+    on_each_gpu("what shaders write stays in the pass", |gpu| {
+        let pass = overwritten();
+        let mut by_compute = compute::Renderer::new(gpu).unwrap();
+        let mut by_classic = classic::Renderer::new(gpu).unwrap();
+        let mut frames = Vec::new();
+        for _ in 0..2 {
+            frames.push(by_compute.render(&pass).unwrap());
+            frames.push(by_classic.render(&pass).unwrap());
+        }
+        let mut prepared = by_compute.prepare(&pass).unwrap();
+        for _ in 0..2 {
+            prepared.execute().unwrap();
+            frames.push(prepared.read().unwrap());
+        }
+        frames.push(by_compute.trace(&pass).unwrap().0);
+        for (n, frame) in frames.iter().enumerate() {
+            for (x, y) in [(0, 0), (3, 3), (7, 7)] {
+                assert_eq!(frame.color.texel(x, y), [0, 255, 0, 255], "frame {n}, pixel {x},{y}");
+            }
+        }
+    });
+}
+
+/// What a pass writes, a later draw of it reads, also through a block that its shader only reads.
+#[test]
+fn later_draws_read_what_earlier_ones_wrote() {
+    let writer = "layout(binding = 0) buffer Block { vec4 value; };
+        void main() { value = vec4(0.0, 1.0, 0.0, 1.0); color = vec4(1.0); }";
+    let reader = "layout(binding = 0) readonly buffer Block { vec4 value; };
+        void main() { color = value; }";
+    on_each_gpu("later draws read what earlier ones wrote", |gpu| {
+        let head = "#version 450\nlayout(location = 0) out vec4 color;\n";
+        let [mut pass, second] = [writer, reader].map(|body| {
+            let fragment = shader(Stage::Fragment, "block.frag", &format!("{head}{body}"));
+            self::pass(fragment, &[], 16, Binding::Storage)
+        });
+        pass.pipelines.extend(second.pipelines);
+        // One set for all draws, the first of which reads what the host wrote.
+        let first = pass.draws[0].clone();
+        pass.draws.insert(0, Draw { pipeline: 1, ..first.clone() });
+        pass.draws.push(Draw { pipeline: 1, ..first });
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        for _ in 0..2 {
+            assert_eq!(renderer.render(&pass).unwrap().color.texel(3, 3), [0, 255, 0, 255]);
+            pass.draws.truncate(3);
+        }
+        pass.draws.truncate(1);
+        assert_eq!(renderer.render(&pass).unwrap().color.texel(3, 3), [255; 4]);
     });
 }

@@ -3,22 +3,19 @@
 use super::{layout::descriptor_type, pipeline::Compiled};
 use crate::{
     error::Result,
-    pass::{self, Binding, BindingSet, BufferRange},
+    pass::{self, Binding, BindingSet},
     shader::Resource,
-    vk::{Buffer, Commands, Gpu, Memory, Recorder, Resources},
+    vk::{Buffer, Commands, Copies, Gpu, Resources},
 };
 use ash::vk;
 use std::{collections::HashMap, sync::Arc};
 
 /// The descriptor sets of one recording.
-#[derive(Default)]
 pub(super) struct Bindings {
     /// By binding set, pipeline and number of the set. The layout is no key: the descriptors depend on the
     /// pipeline's shaders too, and a driver may give equal layouts one handle.
     sets: HashMap<(*const BindingSet, *const Compiled, usize), vk::DescriptorSet>,
-    /// Storage blocks that shaders write. These writes are not visible outside the pass, so each
-    /// execution starts with a copy.
-    copies: HashMap<*const pass::Buffer, Buffer<u8>>,
+    copies: Copies,
 }
 
 /// The content of one descriptor.
@@ -28,33 +25,9 @@ enum Written {
 }
 
 impl Bindings {
-    /// Makes copies of the buffers that shaders may write, and records how they get their content.
-    pub fn copy_written(
-        &mut self,
-        gpu: &Gpu,
-        resources: &mut Resources,
-        recorder: &mut Recorder,
-        pass: &pass::Pass,
-    ) -> Result<()> {
-        for draw in &pass.draws {
-            let pipeline = &pass.pipelines[draw.pipeline];
-            let writes = [&pipeline.vertex, &pipeline.fragment];
-            if !writes.iter().any(|s| s.reflection.has_side_effects) {
-                continue;
-            }
-            let all = draw.sets.iter().flat_map(|s| &s.entries).flat_map(|e| &e.resources);
-            for binding in all {
-                let Binding::Storage(BufferRange { buffer, .. }) = binding else { continue };
-                if self.copies.contains_key(&Arc::as_ptr(buffer)) {
-                    continue;
-                }
-                let original = resources.buffer(buffer)?;
-                let copy = Buffer::new(gpu, &buffer.label, original.len(), Memory::Device)?;
-                recorder.copy(&original, &copy)?;
-                self.copies.insert(Arc::as_ptr(buffer), copy);
-            }
-        }
-        Ok(())
+    /// None yet.
+    pub fn new(copies: Copies) -> Self {
+        Self { sets: HashMap::new(), copies }
     }
 
     /// The sets of one draw, by number.
@@ -149,10 +122,7 @@ impl Bindings {
                 buffer_info(&block, block.offset(), bound as u64)
             }
             Binding::Storage(range) => {
-                let buffer = match self.copies.get(&Arc::as_ptr(&range.buffer)) {
-                    Some(copy) => copy.clone(),
-                    None => resources.buffer(&range.buffer)?,
-                };
+                let buffer = self.copies.storage(resources, &range.buffer)?;
                 commands.keep(buffer.raw().clone());
                 let (bytes, limit) = (range.bytes as u64, gpu.limits().storage_range_bytes);
                 if bytes > limit {

@@ -7,7 +7,7 @@ use crate::{
     image::{self, Extent},
     pass::{Draw, Frame, IndexFormat, Pass},
     state::{Rect, Viewport},
-    vk::{Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Resources},
+    vk::{Buffer, Copies, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Resources},
 };
 use ash::vk;
 use std::sync::Arc;
@@ -173,8 +173,9 @@ fn record_draws(
     color: &Target,
     depth: Option<&Target>,
 ) -> Result<()> {
-    let mut bindings = Bindings::default();
-    bindings.copy_written(gpu, resources, recorder, pass)?;
+    let copies = Copies::new(gpu, resources, pass)?;
+    copies.record(recorder)?;
+    let mut bindings = Bindings::new(copies);
     recorder.commands.barrier();
     for target in std::iter::once(color).chain(depth) {
         recorder.transition(&target.image, vk::ImageLayout::UNDEFINED, target.attachment_layout());

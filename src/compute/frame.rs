@@ -15,7 +15,7 @@ use crate::{
     image::{Extent, Image},
     pass::{Frame, Pass},
     plan::{BatchPlan, Plan},
-    vk::{Buffer, Gpu, Memory, Recorder, Recording, ResourceTable, Timings},
+    vk::{Buffer, Copies, Gpu, Memory, Recorder, Recording, ResourceTable, Timings},
 };
 
 /// Buffers that every band and batch of a frame shares.
@@ -61,6 +61,7 @@ pub struct Setup {
     clear: clear::Values,
     has_depth: bool,
     pub tables: Vec<ResourceTable>,
+    pub copies: Copies,
     buffers: Buffers,
     targets: Vec<Target>,
     kernels: PlanKernels,
@@ -165,6 +166,7 @@ impl Setup {
         pass: &Pass,
         plan: &Plan,
         tables: Vec<ResourceTable>,
+        copies: Copies,
     ) -> Result<Setup> {
         let gpu = &renderer.gpu;
         let bands: Vec<Grid> = Grid::bands(pass.extent).collect();
@@ -219,6 +221,7 @@ impl Setup {
             },
             has_depth: pass.depth.is_some(),
             tables,
+            copies,
             buffers,
             targets: bands
                 .iter()
@@ -238,6 +241,9 @@ impl Setup {
             let mut recorder = Recorder::new(&self.gpu, "compute pass")?;
             if renderer.timed {
                 recorder.time_stages();
+            }
+            if n == 0 {
+                self.copies.record(&mut recorder)?;
             }
             let pieces = self.pieces(band, plan)?;
             self.clear(renderer, &mut recorder, target)?;

@@ -39,7 +39,7 @@ use crate::{
     plan::{KernelKey, Plan, depth_mode},
     shader::{Shader, Stage},
     trace::Trace,
-    vk::{Cached, Gpu, Resources},
+    vk::{Cached, Copies, Gpu, Resources},
 };
 use kernels::{KernelRequest, Kernels};
 use slots::{TablePool, TableSlots, Tables};
@@ -101,8 +101,8 @@ impl Renderer {
     /// [`crate::Error::Usage`] if the pass contradicts itself, [`crate::Error::Shader`] if a shader
     /// is out of reach, [`crate::Error::Capacity`] if something does not fit.
     pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
-        let (plan, tables) = self.plan(pass)?;
-        frame::Setup::new(self, pass, &plan, tables.tables)?.record(self, &plan)
+        let (plan, tables, copies) = self.plan(pass)?;
+        frame::Setup::new(self, pass, &plan, tables.tables, copies)?.record(self, &plan)
     }
 
     /// Makes kernels that `shader` takes part in, to see whether the driver refuses any. A vertex shader
@@ -135,20 +135,23 @@ impl Renderer {
     /// # Errors
     /// Those of [`Executor::render`].
     pub fn trace(&mut self, pass: &Pass) -> Result<(Frame, Trace)> {
-        let (plan, tables) = self.plan(pass)?;
-        frame::Setup::new(self, pass, &plan, tables.tables)?.trace(self, &plan, tables.buffers)
+        let (plan, tables, copies) = self.plan(pass)?;
+        let setup = frame::Setup::new(self, pass, &plan, tables.tables, copies)?;
+        setup.trace(self, &plan, tables.buffers)
     }
 
-    fn plan(&mut self, pass: &Pass) -> Result<(Plan, Tables)> {
+    fn plan(&mut self, pass: &Pass) -> Result<(Plan, Tables, Copies)> {
         pass.check(&mut self.ranges)?;
         self.resources.trim();
         self.kernels.next_pass();
         self.tables.next_pass()?;
-        let mut slots = TableSlots::new(&self.gpu, &mut self.resources, &mut self.tables)?;
+        let copies = Copies::new(&self.gpu, &mut self.resources, pass)?;
+        let (resources, tables) = (&mut self.resources, &mut self.tables);
+        let mut slots = TableSlots::new(&self.gpu, resources, tables, &copies)?;
         let plan = Plan::new(pass, self.limit, &mut self.ranges, &mut slots);
         let tables = slots.into_tables();
         match plan.and_then(|plan| self.resources.flush().map(|()| plan)) {
-            Ok(plan) => Ok((plan, tables)),
+            Ok(plan) => Ok((plan, tables, copies)),
             Err(error) => {
                 self.tables.put_back(tables.tables);
                 Err(error)

@@ -6,7 +6,7 @@ use crate::{
     kept::KEPT_PASSES,
     pass::{self, Binding, BindingEntry, BindingSet},
     plan::Slots,
-    vk::{Buffer, Gpu, Memory, ResourceTable, Resources},
+    vk::{Buffer, Copies, Gpu, Memory, ResourceTable, Resources},
 };
 use std::{collections::HashMap, sync::Arc};
 
@@ -70,6 +70,7 @@ pub struct TableSlots<'a> {
     gpu: &'a Gpu,
     pool: &'a mut TablePool,
     resources: &'a mut Resources,
+    copies: &'a Copies,
     tables: Tables,
     /// Slots of push-constant blocks by content: draws often share theirs.
     pushed: HashMap<Vec<u8>, u32>,
@@ -95,11 +96,13 @@ impl<'a> TableSlots<'a> {
         gpu: &'a Gpu,
         resources: &'a mut Resources,
         pool: &'a mut TablePool,
+        copies: &'a Copies,
     ) -> Result<TableSlots<'a>> {
         let mut slots = TableSlots {
             gpu,
             pool,
             resources,
+            copies,
             tables: Tables { tables: Vec::new(), buffers: Vec::new() },
             pushed: HashMap::new(),
             open: None,
@@ -141,7 +144,7 @@ impl<'a> TableSlots<'a> {
                 self.table().insert_buffer(&block)
             }
             Binding::Storage(range) => {
-                let buffer = self.resources.buffer(&range.buffer)?;
+                let buffer = self.copies.storage(self.resources, &range.buffer)?;
                 let slice = buffer.slice(range.offset..range.offset + range.bytes)?;
                 self.table().insert_buffer(&slice)
             }

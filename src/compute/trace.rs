@@ -22,10 +22,13 @@ impl Setup {
         tables: Vec<HashMap<u32, Arc<Buffer>>>,
     ) -> Result<(Frame, Trace)> {
         let (mut shaded, mut bands) = (Vec::new(), Vec::new());
+        let (gpu, buffers) = self.parts();
+        let mut recorder = Recorder::new(gpu, "copies")?;
+        self.copies.record(&mut recorder)?;
+        recorder.submit()?;
         for (band, target) in self.bands.iter().zip(self.targets()) {
             let mut batches = Vec::new();
             let pieces = self.pieces(band, plan)?;
-            let (gpu, buffers) = self.parts();
             let mut recorder = Recorder::new(gpu, "clear")?;
             self.clear(renderer, &mut recorder, target)?;
             recorder.submit()?;

@@ -148,6 +148,32 @@ fn inputs_without_end_that_hold_nothing_are_passed_over() {
     }
 }
 
+/// `modf` and `frexp` store a part of their result through a pointer.
+#[test]
+fn an_extended_instruction_may_write_a_block() {
+    let declared = "%block = OpTypeStruct %float
+        %zero = OpConstant %uint 0
+        %to_block = OpTypePointer StorageBuffer %block
+        %to_float = OpTypePointer StorageBuffer %float
+        %b = OpVariable %to_block StorageBuffer
+        %top = OpTypeStruct %float";
+    let decorations = "OpDecorate %block Block
+        OpMemberDecorate %block 0 Offset 0
+        OpDecorate %b DescriptorSet 0
+        OpDecorate %b Binding 0";
+    let text = with_input(decorations, declared)
+        .replace("OpMemoryModel", "%set = OpExtInstImport \"GLSL.std.450\"\nOpMemoryModel")
+        .replace(
+            "OpStore %c",
+            "%part = OpAccessChain %to_float %b %zero
+            %whole = OpExtInst %float %set Modf %one %part
+            OpStore %c",
+        );
+    let shader = reflected(&assemble(&text)).unwrap();
+    assert!(shader.reflection.has_side_effects);
+    assert_eq!(shader.details.written, [0]);
+}
+
 #[test]
 fn an_array_of_no_elements_is_refused() {
     let types = "%none = OpConstant %uint 0

@@ -94,6 +94,8 @@ pub(crate) struct Details {
     pub arrays: Vec<ResourceArray>,
     /// `constant_id`s and defaults of the specialization constants that are lengths of these arrays.
     pub array_lengths: Vec<(u32, u32)>,
+    /// Storage blocks that the shader may write, by number.
+    pub written: Vec<u32>,
 }
 
 impl PartialEq for Shader {

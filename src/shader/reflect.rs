@@ -1,16 +1,18 @@
 //! Finds the resources, inputs and outputs of a shader in its SPIR-V.
 
 use super::{
-    Details, Reflection, Stage, block,
+    Details, Reflection, ResourceKind, Stage, block,
     interface::{self, Variable},
     module::{Index, Outcome, ids},
-    reach, resource,
+    reach,
+    resource::{self, Bound},
     usage::Usage,
 };
 use rspirv::{
     dr::{self, Instruction, Operand},
-    spirv::{BuiltIn, Decoration, ExecutionMode, Op, StorageClass},
+    spirv::{BuiltIn, Decoration, ExecutionMode, Op, StorageClass, Word},
 };
+use std::collections::HashSet;
 
 /// Reflects the entry point `main` of `stage`; says also why no pass can draw with it, if so.
 pub(super) fn reflect(
@@ -32,11 +34,13 @@ pub(super) fn reflect(
         let (_, ty) = index.pointer(index.type_of(variable)?)?;
         reflection.push_constant_bytes = block::bytes(&index, ty)?;
     }
+    let written = written(&index, &usage, &bound);
     reflection.resources = bound.resources;
     let details = Details {
         wide_constants: wide_constants(&index),
         arrays: bound.arrays,
         array_lengths: bound.lengths,
+        written,
     };
     reflection.inputs.sort_by_key(|v| (v.location, v.component));
     reflection.outputs.sort_by_key(|v| (v.location, v.component));
@@ -120,26 +124,68 @@ fn takes_derivative(op: Op) -> bool {
 
 /// Whether an instruction changes memory that others can see.
 pub(super) fn has_side_effect(index: &Index, instruction: &Instruction) -> bool {
-    let op = instruction.class.opcode;
-    if op == Op::ImageWrite || (is_atomic(op) && op != Op::AtomicLoad) {
-        return true;
+    match instruction.class.opcode {
+        Op::ImageWrite => true,
+        _ => written_pointer(index, instruction).is_some(),
     }
-    if !matches!(op, Op::Store | Op::CopyMemory) {
-        return false;
+}
+
+/// The pointer to memory that others can see, through which an instruction writes.
+fn written_pointer(index: &Index, instruction: &Instruction) -> Option<Word> {
+    let is_shared = |pointer: &Word| {
+        let class = index.type_of(*pointer).and_then(|ty| index.pointer(ty));
+        matches!(
+            class,
+            Ok((
+                StorageClass::StorageBuffer
+                    | StorageClass::Uniform
+                    | StorageClass::PhysicalStorageBuffer,
+                _
+            ))
+        )
+    };
+    match instruction.class.opcode {
+        Op::AtomicLoad => None,
+        op if is_atomic(op) => ids(instruction).next(),
+        Op::Store | Op::CopyMemory => ids(instruction).next().filter(is_shared),
+        // `modf` and `frexp` write through their last operand.
+        Op::ExtInst => ids(instruction).last().filter(is_shared),
+        _ => None,
     }
-    let class = ids(instruction)
-        .next()
-        .and_then(|pointer| index.type_of(pointer).ok())
-        .and_then(|ty| index.pointer(ty).ok());
-    matches!(
-        class,
-        Some((
-            StorageClass::StorageBuffer
-                | StorageClass::Uniform
-                | StorageClass::PhysicalStorageBuffer,
-            _
-        ))
-    )
+}
+
+/// The numbers of the storage blocks that the shader may write: those that its stores and atomic operations lead
+/// to, and all if it is not plain where one leads.
+fn written(index: &Index, usage: &Usage, bound: &Bound) -> Vec<u32> {
+    let pointers = usage.instructions().filter_map(|i| written_pointer(index, i));
+    let variables: Option<HashSet<Word>> = pointers.map(|p| variable_behind(index, p)).collect();
+    let is_written = |(variable, _): &&(Word, u32)| {
+        variables.as_ref().is_none_or(|variables| variables.contains(variable))
+    };
+    let numbers = bound.variables.iter().filter(is_written).map(|(_, number)| *number);
+    let is_storage = |number: &u32| {
+        bound.resources.get(*number as usize).is_some_and(|r| r.kind == ResourceKind::Storage)
+    };
+    let mut numbers: Vec<u32> = numbers.filter(is_storage).collect();
+    numbers.dedup();
+    numbers
+}
+
+/// The variable that a pointer leads to by access chains.
+fn variable_behind(index: &Index, pointer: Word) -> Option<Word> {
+    let mut at = pointer;
+    // No walk passes an id twice.
+    for _ in 0..index.bound() {
+        let def = index.def(at).ok()?;
+        match def.class.opcode {
+            Op::Variable => return Some(at),
+            Op::AccessChain | Op::InBoundsAccessChain | Op::CopyObject | Op::ImageTexelPointer => {
+                at = ids(def).next()?;
+            }
+            _ => return None,
+        }
+    }
+    None
 }
 
 /// Whether the operation is an atomic one.
@@ -276,6 +322,26 @@ mod tests {
         let plain = fragment("layout(location = 0) out vec4 c; void main() { c = gl_FragCoord; }");
         let r = &plain.reflection;
         assert!(!r.discards && !r.writes_depth && !r.has_side_effects && !r.takes_derivatives);
+    }
+
+    #[test]
+    fn blocks_that_may_be_written_are_known() {
+        let shader = fragment(
+            "layout(set = 0, binding = 0) buffer A { uint n; } a;
+             layout(set = 0, binding = 1) buffer B { uint n; vec2 v; } b;
+             layout(set = 0, binding = 2) readonly buffer C { uint n; } c[2];
+             layout(set = 0, binding = 3) buffer D { uint n; } d[2];
+             layout(set = 0, binding = 4) uniform E { uint n; } e;
+             layout(set = 0, binding = 5) buffer F { uint list[]; } f;
+             layout(location = 0) out uvec4 color;
+             void main() {
+                 color = uvec4(a.n + b.n, c[1].n, e.n, f.list[3]);
+                 b.v.y = 1.0;
+                 if (color.x > 3u) atomicAdd(d[1].n, 1u);
+             }",
+        );
+        // B and D.
+        assert_eq!(shader.details.written, [1, 3]);
     }
 
     #[test]

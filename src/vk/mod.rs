@@ -14,6 +14,7 @@
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
 //! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
 //! | `resources` | host data uploaded once, recognised by the identity of its `Arc` |
+//! | `copies` | copies of the host data that the shaders of a pass write |
 //! | `inherited` | whether there is a standard output, and a limit of memory |
 //! | `doctor`, `drivers` | the state of Vulkan on this machine, its faults and the exact fixes |
 //!
@@ -42,6 +43,7 @@ mod address;
 mod buffer;
 mod cache;
 mod capability;
+mod copies;
 mod device;
 mod doctor;
 mod drivers;
@@ -63,6 +65,7 @@ mod sampler;
 mod table;
 
 pub use buffer::{Buffer, Memory};
+pub(crate) use copies::Copies;
 pub use device::{DeviceInfo, DeviceKind, QueueInfo, Require, devices};
 pub use doctor::{Doctor, Finding, Severity, doctor};
 pub use drivers::DriverFile;
