@@ -11,7 +11,7 @@ use tilewright::{
         Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
-    state::DepthState,
+    state::{DepthState, Rect},
     vk::Gpu,
 };
 
@@ -238,6 +238,46 @@ fn what_shaders_write_stays_in_the_pass() {
     });
 }
 
+/// A shader counts its executions. Each execution of the pass begins with what the host gave.
+#[test]
+fn each_execution_finds_what_the_host_gave() {
+    on_each_gpu("each execution finds what the host gave", |gpu| {
+        let source = "#version 450
+            layout(binding = 0) buffer Block { uint bits; };
+            layout(location = 0) out vec4 color;
+            void main() {
+                uint more = atomicAdd(bits, 1u) - floatBitsToUint(1.0);
+                color = vec4(float(more + 7u) / 255.0);
+            }";
+        let fragment = shader(Stage::Fragment, "count.frag", source);
+        let mut pass = pass(fragment, &[], 16, Binding::Storage);
+        pass.extent = Extent::new(1, 1);
+        // The second draw counts on.
+        pass.draws.push(pass.draws[0].clone());
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        let mut prepared = renderer.prepare(&pass).unwrap();
+        for _ in 0..3 {
+            prepared.execute().unwrap();
+            assert_eq!(prepared.read().unwrap().color.texel(0, 0), [8; 4]);
+        }
+        for _ in 0..2 {
+            assert_eq!(renderer.trace(&pass).unwrap().0.color.texel(0, 0), [8; 4]);
+            assert_eq!(renderer.render(&pass).unwrap().color.texel(0, 0), [8; 4]);
+        }
+    });
+}
+
+/// Targets that `compute` draws in two bands.
+const TWO_BANDS: [Extent; 2] = [Extent::new(16384, 520), Extent::new(4100, 2080)];
+
+/// Asserts that all rows of a column have this colour.
+#[track_caller]
+fn assert_column(frame: &Frame, x: u32, color: [u8; 4]) {
+    for y in 0..frame.color.extent.height {
+        assert_eq!(frame.color.texel(x, y), color, "pixel {x},{y}");
+    }
+}
+
 /// What a pass writes, a later draw of it reads, also through a block that its shader only reads.
 #[test]
 fn later_draws_read_what_earlier_ones_wrote() {
@@ -259,9 +299,66 @@ fn later_draws_read_what_earlier_ones_wrote() {
         let mut renderer = compute::Renderer::new(gpu).unwrap();
         for _ in 0..2 {
             assert_eq!(renderer.render(&pass).unwrap().color.texel(3, 3), [0, 255, 0, 255]);
-            pass.draws.truncate(3);
         }
         pass.draws.truncate(1);
         assert_eq!(renderer.render(&pass).unwrap().color.texel(3, 3), [255; 4]);
     });
+}
+
+/// Every band executes all draws.
+#[test]
+fn each_band_finds_what_the_host_gave() {
+    let writer = "layout(binding = 0) buffer Block { vec4 value; };
+        void main() { value = vec4(0.0, 1.0, 0.0, 1.0); color = vec4(1.0, 0.0, 0.0, 1.0); }";
+    let reader = "layout(binding = 0) readonly buffer Block { vec4 value; };
+        void main() { color = value; }";
+    let head = "#version 450\nlayout(location = 0) out vec4 color;\n";
+    let [mut pass, second] = [writer, reader].map(|body| {
+        let fragment = shader(Stage::Fragment, "band.frag", &format!("{head}{body}"));
+        self::pass(fragment, &[], 16, Binding::Storage)
+    });
+    pass.pipelines.extend(second.pipelines);
+    let all = pass.draws.remove(0);
+    // Columns, so that there is little to draw.
+    pass.draws.extend([(1, 0), (0, 8), (1, 16)].map(|(pipeline, x)| Draw {
+        pipeline,
+        scissor: Some(Rect { x, y: 0, width: 8, height: 4096 }),
+        ..all.clone()
+    }));
+    let mut renderer = compute::Renderer::new(&gpu()).unwrap();
+    for extent in TWO_BANDS {
+        pass.extent = extent;
+        let (traced, trace) = renderer.trace(&pass).unwrap();
+        assert_eq!(trace.bands.len(), 2);
+        for frame in [renderer.render(&pass).unwrap(), traced] {
+            assert_column(&frame, 0, [255; 4]);
+            assert_column(&frame, 8, [255, 0, 0, 255]);
+            assert_column(&frame, 16, [0, 255, 0, 255]);
+        }
+    }
+}
+
+/// The vertices of a single batch stay in place for all bands, and what their shader writes does not.
+#[test]
+fn each_band_finds_what_its_vertices_wrote() {
+    let vertex = "#version 450
+        layout(binding = 0) buffer Block { vec4 value; };
+        void main() {
+            value = vec4(0.0, 1.0, 0.0, 1.0);
+            gl_Position = vec4(vec2(gl_VertexIndex & 1, gl_VertexIndex >> 1) * 4.0 - 1.0, 0, 1);
+        }";
+    let fragment = "#version 450
+        layout(binding = 0) readonly buffer Block { vec4 value; };
+        layout(location = 0) out vec4 color;
+        void main() { color = value; }";
+    let fragment = shader(Stage::Fragment, "read.frag", fragment);
+    let mut pass = pass(fragment, &[], 16, Binding::Storage);
+    Arc::make_mut(&mut pass.pipelines[0]).vertex =
+        Arc::new(shader(Stage::Vertex, "write.vert", vertex));
+    pass.draws[0].scissor = Some(Rect { x: 0, y: 0, width: 8, height: 4096 });
+    let mut renderer = compute::Renderer::new(&gpu()).unwrap();
+    for extent in TWO_BANDS {
+        pass.extent = extent;
+        assert_column(&renderer.render(&pass).unwrap(), 0, [0, 255, 0, 255]);
+    }
 }

@@ -61,7 +61,7 @@ pub struct Setup {
     clear: clear::Values,
     has_depth: bool,
     pub tables: Vec<ResourceTable>,
-    pub copies: Copies,
+    copies: Copies,
     buffers: Buffers,
     targets: Vec<Target>,
     kernels: PlanKernels,
@@ -242,15 +242,13 @@ impl Setup {
             if renderer.timed {
                 recorder.time_stages();
             }
-            if n == 0 {
-                self.copies.record(&mut recorder)?;
-            }
             let pieces = self.pieces(band, plan)?;
-            self.clear(renderer, &mut recorder, target)?;
+            self.begin(renderer, &mut recorder, target)?;
+            // A single batch leaves its vertices in place for all bands. If shaders write buffers, vertex shaders
+            // may be among those that do.
+            let in_place = n > 0 && plan.batches.len() == 1 && self.copies.is_empty();
             for (b, batch) in plan.batches.iter().enumerate() {
-                // A single batch leaves its vertices in place for all bands.
-                let vertices = n == 0 || plan.batches.len() > 1;
-                let how = (vertices, false);
+                let how = (!in_place, false);
                 self.batch(renderer, &mut recorder, (band, target), &pieces, (b, batch), how)?;
             }
             recordings.push(recorder.finish()?);
@@ -271,13 +269,15 @@ impl Setup {
         })
     }
 
-    /// Fills colour and depth of the band with the clear values.
-    pub fn clear(
+    /// Begins a band: fills colour and depth with the clear values, and the buffers that shaders write with what
+    /// the host gave. Every band executes all draws, and the first of them must not find what another band wrote.
+    pub fn begin(
         &self,
         renderer: &Renderer,
         recorder: &mut Recorder,
         target: &Target,
     ) -> Result<()> {
+        self.copies.record(recorder)?;
         clear::record(recorder, &renderer.kernels.clear, target, self.format, self.clear)
     }
 

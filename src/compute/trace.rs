@@ -23,14 +23,11 @@ impl Setup {
     ) -> Result<(Frame, Trace)> {
         let (mut shaded, mut bands) = (Vec::new(), Vec::new());
         let (gpu, buffers) = self.parts();
-        let mut recorder = Recorder::new(gpu, "copies")?;
-        self.copies.record(&mut recorder)?;
-        recorder.submit()?;
         for (band, target) in self.bands.iter().zip(self.targets()) {
             let mut batches = Vec::new();
             let pieces = self.pieces(band, plan)?;
-            let mut recorder = Recorder::new(gpu, "clear")?;
-            self.clear(renderer, &mut recorder, target)?;
+            let mut recorder = Recorder::new(gpu, "beginning of a band")?;
+            self.begin(renderer, &mut recorder, target)?;
             recorder.submit()?;
             for (number, batch) in plan.batches.iter().enumerate() {
                 let mut recorder = Recorder::new(gpu, "traced batch")?;

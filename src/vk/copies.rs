@@ -12,8 +12,8 @@ use crate::{
 };
 use std::{collections::HashMap, sync::Arc};
 
-/// A copy for each buffer that a pass writes (see [`Pass::written_buffers`]). Each execution of the pass fills the
-/// copies anew, so that it finds what the host gave.
+/// A copy for each buffer that a pass writes (see [`Pass::written_buffers`]). Whoever executes all draws of the pass
+/// fills the copies anew, so that the first draw finds what the host gave.
 #[derive(Default)]
 pub struct Copies {
     /// The upload and its copy, by address: the pass holds the buffers while it is planned.
@@ -33,6 +33,11 @@ impl Copies {
             all.insert(Arc::as_ptr(&buffer), [original, copy]);
         }
         Ok(Self { all })
+    }
+
+    /// Whether the pass writes no buffer.
+    pub fn is_empty(&self) -> bool {
+        self.all.is_empty()
     }
 
     /// Records how the copies get their content: before everything that uses them.
