@@ -370,11 +370,18 @@ void main() { color = texture(images[id], uv); }";
     parts.assemble().validate().unwrap();
     // Two are bound. The vertex shader leaves the length open, the fragment shader does not.
     refused(&["set 0 binding 2 has 3 elements; 2 are bound"], |p| {
-        let body = "layout(set = 0, binding = 2) uniform sampler2D images[];
+        // Constant indices alone would give the array a length.
+        let body = "#extension GL_EXT_nonuniform_qualifier : require
+layout(set = 0, binding = 2) uniform sampler2D images[];
 layout(location = 0) out vec2 uv;
 layout(location = 1) flat out uint id;
-void main() { gl_Position = textureLod(images[1], vec2(0), 0.0); uv = vec2(0); id = 1; }";
+void main() {
+    gl_Position = textureLod(images[nonuniformEXT(gl_VertexIndex)], vec2(0), 0.0);
+    uv = vec2(0);
+    id = 1;
+}";
         p.pipeline.vertex = shader(Stage::Vertex, "open.vert", body);
+        assert_eq!(p.pipeline.vertex.reflection().resources[0].count, 0);
         let body = "layout(set = 0, binding = 2) uniform sampler2D images[3];
 void main() { color = texture(images[id % 3], uv); }";
         let three = format!("{head}{body}");

@@ -10,7 +10,8 @@ use tilewright::{
         Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Pass, Pipeline,
     },
     shader::{Shader, Stage},
-    state::DepthState,
+    state::{DepthState, Rect},
+    target::DepthTarget,
     texture::{Filter, Sampler, Texture, Wrap},
 };
 
@@ -68,8 +69,7 @@ fn sampler(color: [u8; 4]) -> Binding {
     Binding::Sampler(Sampler { wrap_u, ..SAMPLER })
 }
 
-/// Draws with a set of red resources before and after `elements` of an array, for each of [`INDICES`]: the
-/// colours that the elements `list[n]` give.
+/// Draws with a [`set`] for each of [`INDICES`]: the colours that the elements `list[n]` give.
 fn colors(
     renderer: &mut compute::Renderer,
     vertex: &str,
@@ -77,12 +77,30 @@ fn colors(
     bind: fn([u8; 4]) -> Binding,
     elements: &[[u8; 4]],
 ) -> Vec<[u8; 4]> {
+    let mut pass = pass(vertex, fragment);
+    let set = set(bind, elements);
+    let mut render = |n: i32| {
+        pass.draws = vec![draw(&set, n)];
+        renderer.render(&pass).unwrap().color.texel(3, 3).try_into().unwrap()
+    };
+    INDICES.into_iter().map(&mut render).collect()
+}
+
+/// A pass without draws.
+fn pass(vertex: &str, fragment: &str) -> Pass {
     let corner = "vec4(vec2(gl_VertexIndex & 1, gl_VertexIndex >> 1) * 4.0 - 1.0, 0, 1)";
     let vertex = vertex.replace("CORNER", corner);
-    let pipeline = Pipeline {
+    let mut pass = Pass::new("arrays", Extent::new(8, 8));
+    pass.color.format = Format::Rgba8Unorm;
+    pass.pipelines.push(Arc::new(Pipeline {
         depth: DepthState::OFF,
         ..Pipeline::new("array", shader(Stage::Vertex, &vertex), shader(Stage::Fragment, fragment))
-    };
+    }));
+    pass
+}
+
+/// A set of red resources before and after `elements` of an array.
+fn set(bind: fn([u8; 4]) -> Binding, elements: &[[u8; 4]]) -> Arc<BindingSet> {
     let entry = |binding, resources| BindingEntry { binding, resources };
     let entries = vec![
         entry(0, vec![bind(RED); 3]),
@@ -92,16 +110,13 @@ fn colors(
         entry(3, vec![Binding::Texture(texture(&[BLUE, RED, GREEN, BLUE]))]),
         entry(4, vec![Binding::Sampler(SAMPLER)]),
     ];
-    let set = Arc::new(BindingSet { entries });
-    let mut pass = Pass::new("arrays", Extent::new(8, 8));
-    pass.color.format = Format::Rgba8Unorm;
-    pass.pipelines.push(Arc::new(pipeline));
-    let mut render = |n: i32| {
-        let push_constants = n.to_ne_bytes().to_vec();
-        pass.draws = vec![Draw { sets: vec![set.clone()], push_constants, ..Draw::new(0, 3) }];
-        renderer.render(&pass).unwrap().color.texel(3, 3).try_into().unwrap()
-    };
-    INDICES.into_iter().map(&mut render).collect()
+    Arc::new(BindingSet { entries })
+}
+
+/// A draw over the whole target that selects element `n`.
+fn draw(set: &Arc<BindingSet>, n: i32) -> Draw {
+    let push_constants = n.to_ne_bytes().to_vec();
+    Draw { sets: vec![set.clone()], push_constants, ..Draw::new(0, 3) }
 }
 
 /// The colours that arrays of `length` elements have to show: that of the element, the last one beyond.
@@ -196,6 +211,41 @@ fn an_index_beyond_an_array_selects_its_last_element_for_vertices() {
                 void main() { color = shade; }";
             let found = colors(&mut renderer, &vertex, fragment, kind.2, &[GREEN, BLUE]);
             assert_eq!(found, expected(&[GREEN, BLUE]), "{}", kind.0);
+        }
+    });
+}
+
+/// One kernel shades both draws, and lanes of one subgroup shade pixels of both.
+#[test]
+fn each_draw_has_the_length_that_it_binds() {
+    on_each_gpu("each draw has the length that it binds", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        for kind in KINDS {
+            let [declared, value] = parts(kind, "[]", "[nonuniformEXT(n)]");
+            let fragment = format!(
+                "{declared} layout(location = 0) out vec4 color;
+                 void main() {{ color = {value}; }}"
+            );
+            let one = (set(kind.2, &[GREEN]), GREEN);
+            let three = (set(kind.2, &[RED, RED, BLUE]), BLUE);
+            let mut pass = pass(PLAIN, &fragment);
+            pass.depth = Some(DepthTarget { clear: 1.0 });
+            for depth in [DepthState::OFF, DepthState::LESS] {
+                Arc::make_mut(&mut pass.pipelines[0]).depth = depth;
+                // Index 2 is beyond the shorter array alone.
+                for (n, left, right) in
+                    [(2, &one, &three), (2, &three, &one), (3, &one, &three), (-1, &three, &one)]
+                {
+                    let column = |x, width| Some(Rect { x, y: 0, width, height: 8 });
+                    pass.draws = vec![
+                        Draw { scissor: column(0, 3), ..draw(&left.0, n) },
+                        Draw { scissor: column(3, 5), ..draw(&right.0, n) },
+                    ];
+                    let color = renderer.render(&pass).unwrap().color;
+                    let found = [color.texel(2, 3), color.texel(3, 3)];
+                    assert_eq!(found, [left.1, right.1], "{}, element {n}", kind.0);
+                }
+            }
         }
     });
 }

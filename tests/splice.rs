@@ -227,6 +227,15 @@ fn a_loop_that_only_a_discard_ends_does_end() {
     });
 }
 
+/// The words of a buffer, which are zeros from now on.
+fn taken(gpu: &Gpu, buffer: &Buffer<u32>) -> Vec<u32> {
+    let mut recorder = Recorder::new(gpu, "reset").unwrap();
+    let read = recorder.download(buffer).unwrap();
+    recorder.fill(buffer, 0).unwrap();
+    recorder.submit().unwrap();
+    read.read().unwrap()
+}
+
 #[test]
 fn helpers_change_no_memory() {
     on_each_gpu("helpers change no memory", |gpu| {
@@ -234,14 +243,7 @@ fn helpers_change_no_memory() {
         scene.covered = 37;
         let counts = Buffer::<u32>::new(gpu, "counts", 8, Memory::Device).unwrap();
         scene.bind(&counts);
-        let reset = |counts: &Buffer<u32>| {
-            let mut recorder = Recorder::new(gpu, "reset").unwrap();
-            let read = recorder.download(counts).unwrap();
-            recorder.fill(counts, 0).unwrap();
-            recorder.submit().unwrap();
-            read.read().unwrap()
-        };
-        reset(&counts);
+        taken(gpu, &counts);
         let body = "layout(set = 0, binding = 0) buffer Counts { uint n[8]; } counts;
             layout(location = 0) in vec2 p;
             layout(location = 0) out uvec4 color;
@@ -258,10 +260,52 @@ fn helpers_change_no_memory() {
             }";
         scene.shade(body, |shaded| {
             // 37 pixels run; of the first 8, two quads of four columns, none gets past the discard.
-            assert_eq!(reset(&counts), [37, 111, 74, 29, 0, 9, 17, 0]);
+            assert_eq!(taken(gpu, &counts), [37, 111, 74, 29, 0, 9, 17, 0]);
             for pixel in 0..PIXELS {
                 let expected = if (8..37).contains(&pixel) { 23 } else { UNTOUCHED };
                 assert_eq!(shaded.bits(pixel, 0), [expected; 4], "pixel {pixel}");
+            }
+        });
+    });
+}
+
+/// The stores are parts of these instructions. Compilers make them only if they are named.
+#[test]
+fn helpers_take_numbers_apart_and_store_no_part() {
+    on_each_gpu("helpers take numbers apart and store no part", |gpu| {
+        let mut scene = Scene::new(gpu);
+        scene.covered = 37;
+        let parts = Buffer::<u32>::new(gpu, "parts", 2 * PIXELS, Memory::Device).unwrap();
+        scene.bind(&parts);
+        taken(gpu, &parts);
+        let body = "#extension GL_EXT_spirv_intrinsics : require
+            spirv_instruction(set = \"GLSL.std.450\", id = 35)
+            float modf_to(float x, spirv_by_reference float whole);
+            spirv_instruction(set = \"GLSL.std.450\", id = 51)
+            float frexp_to(float x, spirv_by_reference int exponent);
+            layout(set = 0, binding = 0) buffer Parts { float wholes[128]; int exponents[128]; };
+            layout(location = 0) in vec2 p;
+            layout(location = 0) out vec4 color;
+            void main() {
+                int column = int(p.x);
+                int pixel = column / 2 * 4 + column % 2 + int(p.y) * 2;
+                float x = 1.0 + p.x * 0.125;
+                float fraction = modf_to(x, wholes[pixel]);
+                float significand = frexp_to(x, exponents[pixel]);
+                color = vec4(dFdx(fraction), dFdx(significand), fraction, significand);
+            }";
+        scene.shade(body, |shaded| {
+            let parts = taken(gpu, &parts);
+            for pixel in 0..PIXELS {
+                let found = ([parts[pixel], parts[PIXELS + pixel]], shaded.bits(pixel, 0));
+                let x = 1.0 + center(pixel).0 * 0.125;
+                let exponent = (x as u32).ilog2() + 1;
+                let scale = (1 << exponent) as f32;
+                // The last quad has one pixel and three helpers: their numbers make its differences.
+                let color = [0.125, 0.125 / scale, x.fract(), x / scale].map(f32::to_bits);
+                let covered = ([x.floor().to_bits(), exponent], color);
+                let expected = if pixel < 37 { covered } else { ([0; 2], [UNTOUCHED; 4]) };
+                assert_eq!(found, expected, "pixel {pixel}");
             }
         });
     });

@@ -52,7 +52,8 @@ pub(super) fn reflect(
     for instruction in usage.instructions() {
         let op = instruction.class.opcode;
         reflection.discards |= is_discard(op);
-        reflection.has_side_effects |= has_side_effect(&index, instruction);
+        reflection.has_side_effects |=
+            has_side_effect(instruction, |pointer| class_of(&index, pointer));
         reflection.takes_derivatives |= stage == Stage::Fragment && takes_derivative(op);
     }
     Ok((reflection, details, reach::refusal(&index, &usage, stage)?))
@@ -122,26 +123,31 @@ fn takes_derivative(op: Op) -> bool {
     )
 }
 
-/// Whether an instruction changes memory that others can see.
-pub(super) fn has_side_effect(index: &Index, instruction: &Instruction) -> bool {
+/// Whether an instruction changes memory that others can see. `class_of` finds the storage class that a pointer
+/// points into.
+pub(super) fn has_side_effect(
+    instruction: &Instruction,
+    class_of: impl Fn(Word) -> Option<StorageClass>,
+) -> bool {
     match instruction.class.opcode {
         Op::ImageWrite => true,
-        _ => written_pointer(index, instruction).is_some(),
+        _ => written_pointer(instruction, class_of).is_some(),
     }
 }
 
 /// The pointer to memory that others can see, through which an instruction writes.
-fn written_pointer(index: &Index, instruction: &Instruction) -> Option<Word> {
+fn written_pointer(
+    instruction: &Instruction,
+    class_of: impl Fn(Word) -> Option<StorageClass>,
+) -> Option<Word> {
     let is_shared = |pointer: &Word| {
-        let class = index.type_of(*pointer).and_then(|ty| index.pointer(ty));
         matches!(
-            class,
-            Ok((
+            class_of(*pointer),
+            Some(
                 StorageClass::StorageBuffer
                     | StorageClass::Uniform
-                    | StorageClass::PhysicalStorageBuffer,
-                _
-            ))
+                    | StorageClass::PhysicalStorageBuffer
+            )
         )
     };
     match instruction.class.opcode {
@@ -154,10 +160,17 @@ fn written_pointer(index: &Index, instruction: &Instruction) -> Option<Word> {
     }
 }
 
+/// The storage class that a pointer points into.
+fn class_of(index: &Index, pointer: Word) -> Option<StorageClass> {
+    let (class, _) = index.type_of(pointer).and_then(|ty| index.pointer(ty)).ok()?;
+    Some(class)
+}
+
 /// The numbers of the storage blocks that the shader may write: those that its stores and atomic operations lead
 /// to, and all if it is not plain where one leads.
 fn written(index: &Index, usage: &Usage, bound: &Bound) -> Vec<u32> {
-    let pointers = usage.instructions().filter_map(|i| written_pointer(index, i));
+    let class_of = |pointer| class_of(index, pointer);
+    let pointers = usage.instructions().filter_map(|i| written_pointer(i, class_of));
     let variables: Option<HashSet<Word>> = pointers.map(|p| variable_behind(index, p)).collect();
     let is_written = |(variable, _): &&(Word, u32)| {
         variables.as_ref().is_none_or(|variables| variables.contains(variable))
@@ -189,7 +202,7 @@ fn variable_behind(index: &Index, pointer: Word) -> Option<Word> {
 }
 
 /// Whether the operation is an atomic one.
-pub(super) fn is_atomic(op: Op) -> bool {
+fn is_atomic(op: Op) -> bool {
     matches!(
         op,
         Op::AtomicLoad

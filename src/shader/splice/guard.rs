@@ -4,15 +4,18 @@
 //! own. A result that only that block computes is zero for helpers. The header of a loop must begin
 //! with its phis and end with its merge instruction, so its other instructions move to a block behind
 //! it first.
+//!
+//! `modf` and `frexp` return one part of their result and may store the other part. Derivatives may need the
+//! returned part of helpers too, so the store becomes an instruction of its own.
 
 use super::{
     flow,
-    linker::{Linker, id},
+    linker::{Code, Linker, id, literal},
 };
 use crate::shader::reflect;
 use rspirv::{
     dr::{Block, Function, Instruction, Operand},
-    spirv::{Op, SelectionControl, StorageClass, Word},
+    spirv::{GlslStd450Op, Op, SelectionControl, StorageClass, Word},
 };
 use std::collections::HashMap;
 
@@ -36,8 +39,10 @@ struct Guard<'l> {
 
 impl Guard<'_> {
     fn function(mut self, function: &mut Function) {
-        for block in std::mem::take(&mut function.blocks) {
+        for mut block in std::mem::take(&mut function.blocks) {
             if block.instructions.iter().any(|i| self.has_effect(i)) {
+                let instructions = std::mem::take(&mut block.instructions).into_iter();
+                block.instructions = instructions.flat_map(|i| self.separated(i)).collect();
                 self.block(block);
             } else {
                 self.blocks.push(block);
@@ -48,18 +53,44 @@ impl Guard<'_> {
     }
 
     fn has_effect(&self, instruction: &Instruction) -> bool {
-        let op = instruction.class.opcode;
-        if op == Op::ImageWrite || (reflect::is_atomic(op) && op != Op::AtomicLoad) {
-            return true;
+        reflect::has_side_effect(instruction, |pointer| Some(self.pointee(pointer)?.0))
+    }
+
+    /// The storage class and the type that a pointer points to.
+    fn pointee(&self, pointer: Word) -> Option<(StorageClass, Word)> {
+        self.linker.pointee(self.linker.type_of(pointer).ok()?)
+    }
+
+    /// The instruction; instead of `modf` or `frexp` that stores a part, one that returns both parts, and the store.
+    fn separated(&mut self, instruction: Instruction) -> Vec<Instruction> {
+        const MODF: u32 = GlslStd450Op::Modf as u32;
+        const FREXP: u32 = GlslStd450Op::Frexp as u32;
+        if !self.has_effect(&instruction) {
+            return vec![instruction];
         }
-        let class = (instruction.operands.first().and_then(Operand::id_ref_any))
-            .and_then(|pointer| self.linker.type_of(pointer).ok())
-            .and_then(|ty| self.linker.pointee(ty));
-        matches!(op, Op::Store | Op::CopyMemory)
-            && matches!(
-                class,
-                Some((StorageClass::StorageBuffer | StorageClass::PhysicalStorageBuffer, _))
-            )
+        let (
+            Some(ty),
+            &[
+                Operand::IdRef(set),
+                Operand::LiteralExtInstInteger(op @ (MODF | FREXP)),
+                Operand::IdRef(value),
+                Operand::IdRef(pointer),
+            ],
+        ) = (instruction.result_type, instruction.operands.as_slice())
+        else {
+            return vec![instruction];
+        };
+        let Some((_, stored)) = self.pointee(pointer) else { return vec![instruction] };
+        let op = if op == MODF { GlslStd450Op::ModfStruct } else { GlslStd450Op::FrexpStruct };
+        let op = Operand::LiteralExtInstInteger(op as u32);
+        let both = self.linker.declare(Op::TypeStruct, None, vec![id(ty), id(stored)]);
+        let mut code = Code::new(self.linker);
+        let parts = code.emit(Op::ExtInst, both, vec![id(set), op, id(value)]);
+        let part = code.emit(Op::CompositeExtract, stored, vec![id(parts), literal(1)]);
+        code.store(pointer, part);
+        let (result, first) = (instruction.result_id, vec![id(parts), literal(0)]);
+        code.instructions.push(Instruction::new(Op::CompositeExtract, Some(ty), result, first));
+        code.instructions
     }
 
     fn block(&mut self, mut block: Block) {
