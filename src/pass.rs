@@ -139,7 +139,9 @@ impl Pipeline {
 pub enum Binding {
     /// A uniform block.
     Uniform(BufferRange),
-    /// A storage block. Writes of shaders are not visible outside the pass.
+    /// A storage block. What shaders write is not visible outside the pass: each execution begins with the bytes of
+    /// the buffer. Other storage blocks of the pass in the same buffer see the writes; uniform blocks, vertices and
+    /// indices do not.
     Storage(BufferRange),
     /// `sampler2D`.
     Sampled(Arc<Texture>, Sampler),
@@ -150,6 +152,9 @@ pub enum Binding {
 }
 
 /// The resource of one `(set, binding)`; an array of resources where the shader declares an array.
+///
+/// If a shader computes an index beyond the array, `compute` takes the last element. `classic` leaves it to the
+/// device's driver, and Vulkan does not say what happens then.
 #[derive(Clone, Debug)]
 pub struct BindingEntry {
     /// `layout(binding = …)`.

@@ -181,8 +181,9 @@ impl BatchTrace {
                 )
             })
             .or_else(|| {
+                let shown = |at| self.visibility.get(at).map_or("nothing".into(), name);
                 difference(
-                    |at| format!("raster: depth of {}, {}", pixel(at), name(&self.visibility[at])),
+                    |at| format!("raster: depth of {}, {}", pixel(at), shown(at)),
                     (&self.depth, &other.depth),
                     |a, b| a.to_bits() == b.to_bits(),
                     |depth| format!("{depth:?}"),

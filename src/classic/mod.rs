@@ -11,6 +11,9 @@
 //! | `bindings` | descriptor sets from binding sets |
 //! | `prepared` | targets, recorded draws, reading back |
 //!
+//! The driver gets the shaders as they are. So a shader that indexes an array of resources beyond its end does what
+//! Vulkan leaves undefined, which may crash the driver. `compute` keeps such an index inside the array.
+//!
 //! Preparing and executing are separate, so that a benchmark times the device's work alone.
 
 mod bindings;

@@ -8,7 +8,7 @@ impl Pass {
     ///
     /// What a shader writes is not visible outside the pass: a buffer of the host never changes. So executors
     /// give all storage blocks of the pass that lie in such a buffer a copy of it. Vertices, indices and uniform
-    /// blocks keep the host's bytes, which validation has read. The pass is valid.
+    /// blocks keep the host's bytes, which validation has read. Expects a valid pass.
     pub(crate) fn written_buffers(&self) -> Vec<Arc<Buffer>> {
         let (mut found, mut known) = (Vec::new(), HashSet::new());
         for draw in &self.draws {

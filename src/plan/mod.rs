@@ -343,12 +343,13 @@ impl Planner<'_> {
         self.open = Some(OpenBatch::new(info.method, self.plan.pieces.len() as u32, kept));
     }
 
-    /// The numbers that a shader's kernel gets for a draw, in the order of [`Shader::last_element`]: where they
-    /// start in the list.
+    /// Lists the numbers that a shader's kernel gets for a draw, in the order of [`Shader::last_element`]. Returns
+    /// where they start.
     fn resources(&mut self, shader: &Shader, draw: &Draw) -> Result<u32> {
         let arrays = &shader.details.arrays;
         let mut list = Vec::with_capacity(shader.reflection.resources.len() + 1 + arrays.len());
-        let mut bound = Vec::with_capacity(shader.reflection.resources.len());
+        // Elements of each resource, if there are arrays at all.
+        let mut bound = Vec::new();
         for resource in &shader.reflection.resources {
             let found = draw.sets.get(resource.set as usize).and_then(|set| {
                 let entry = set.entries.iter().find(|e| e.binding == resource.binding)?;
@@ -361,9 +362,11 @@ impl Planner<'_> {
                 )));
             };
             list.push(self.slots.bindings(set, entry, resource.bytes)?);
-            // More may be bound than the shader declares.
-            let declared = if resource.count == 0 { u32::MAX } else { resource.count };
-            bound.push(declared.min(entry.resources.len() as u32));
+            if !arrays.is_empty() {
+                // More may be bound than the shader declares.
+                let declared = if resource.count == 0 { u32::MAX } else { resource.count };
+                bound.push(declared.min(entry.resources.len() as u32));
+            }
         }
         if shader.reflection.push_constant_bytes > 0 {
             list.push(self.slots.push_constants(&draw.push_constants)?);

@@ -40,16 +40,19 @@ impl Input<'_> {
     }
 }
 
-/// The clip-space corners of the primitives of `pass`. A vertex that `positions` lacks has coordinates that are no
+/// The clip-space corners of the primitives of `pass`, which is valid. A vertex that `positions` lacks has coordinates that are no
 /// numbers.
-pub fn corners(pass: &Pass, positions: &Positions) -> impl Iterator<Item = [[f32; 4]; 3]> {
+pub(crate) fn corners(pass: &Pass, positions: &Positions) -> impl Iterator<Item = [[f32; 4]; 3]> {
     assembly::run(pass).map(|assembled| primitive::corners(positions, &assembled))
 }
 
 /// The first difference between `trace`, which a device left of `pass`, and what every stage should have written;
 /// as a sentence that names the primitive. Visibility and depth take every fragment for drawn, as if no shader
-/// discarded any or wrote a depth of its own.
+/// discarded any or wrote a depth of its own. A pass that contradicts itself differs from every trace.
 pub fn first_difference(pass: &Pass, trace: &Trace) -> Option<String> {
+    if let Err(error) = pass.validate() {
+        return Some(error.to_string());
+    }
     if let Some(vertex) = trace.positions.contradiction() {
         return Some(format!("vertex: {vertex} has several positions"));
     }

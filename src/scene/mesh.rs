@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn small_meshes_get_normals_from_their_faces_too() {
+    fn small_and_large_meshes_get_normals_from_their_faces_too() {
         for size in [1e-20, 1e15] {
             let mut mesh = quad();
             mesh.positions.iter_mut().for_each(|p| *p *= size);

@@ -72,7 +72,10 @@ fn words(stage: &str, source: &str, finder: &Finder) -> Outcome<Vec<u32>> {
     compiler::compile(stage, &source, &find).map_err(|log| match versioned {
         true => message(&log, &source),
         false if log.contains("no GLSL compiler") => log,
-        false => "there is no `#version` line: `#version 450` belongs at the top".into(),
+        false => {
+            "the source does not begin with a `#version` line: `#version 450` belongs at the top"
+                .into()
+        }
     })
 }
 

@@ -9,8 +9,8 @@ use std::{
 /// What ends a line of text, but not a line of the source.
 const CONTINUED: [&str; 3] = ["\\\r\n", "\\\n", "\\\r"];
 
-/// `text` after blanks, comments and ends of lines that go on; after ends of all lines if it may `go_on`.
-fn after_blanks(mut text: &str, go_on: bool) -> &str {
+/// `text` after blanks and comments, on the first line of the source or, if `over_lines`, on any.
+fn after_blanks(mut text: &str, over_lines: bool) -> &str {
     loop {
         text = text.trim_start_matches([' ', '\t', '\x0b', '\x0c']);
         let further = if let Some(comment) = text.strip_prefix("/*") {
@@ -18,9 +18,9 @@ fn after_blanks(mut text: &str, go_on: bool) -> &str {
         } else if let Some(after) = CONTINUED.iter().find_map(|end| text.strip_prefix(end)) {
             Some(after)
         } else if text.starts_with("//") {
-            go_on.then(|| &text[line_end(text)..])
+            over_lines.then(|| &text[line_end(text)..])
         } else {
-            text.strip_prefix(['\n', '\r']).filter(|_| go_on)
+            text.strip_prefix(['\n', '\r']).filter(|_| over_lines)
         };
         match further {
             Some(after) => text = after,
@@ -36,7 +36,7 @@ fn line_end(text: &str) -> usize {
         rest = &rest[at..];
         is_comment |= rest.starts_with("//");
         let opens = rest.starts_with("/*") && !is_comment;
-        let comment = rest[1..].find("*/").filter(|_| opens).map(|end| end + 3);
+        let comment = if opens { rest[2..].find("*/").map(|end| end + 4) } else { None };
         let continued = CONTINUED.iter().find(|end| rest.starts_with(**end)).map(|end| end.len());
         match comment.or(continued) {
             Some(passed) => rest = &rest[passed..],
@@ -181,6 +181,8 @@ void main() { color = vec4(ONE); }
             ("#\\\nversion \\\r\n450\nvoid", Some("#\\\nversion \\\r\n450")),
             ("#version 450 // /*\nvoid", Some("#version 450 // /*")),
             ("#version 450 /", Some("#version 450 /")),
+            ("#version 450 /*/\n*/\nvoid", Some("#version 450 /*/\n*/")),
+            ("#version 450 /*/", Some("#version 450 /*/")),
             ("void main() {}\n#version 450", None),
             ("// #version 450", None),
             ("/* #version 450", None),

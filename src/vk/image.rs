@@ -56,8 +56,8 @@ impl Image {
     /// An image with undefined content.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a side has no pixels, or if the levels are none or more than halve the longer side to
-    /// one pixel. [`Error::Full`] if it has more pixels a side than the device allows, [`Error::Capacity`] if
+    /// [`Error::Usage`] if a side has no pixels, if there are no levels, or if there are more levels than it takes to
+    /// halve the longer side to one pixel. [`Error::Full`] if it has more pixels a side than the device allows, [`Error::Capacity`] if
     /// there is no memory for it.
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", info.name, info.extent);
@@ -73,12 +73,15 @@ impl Image {
                 gpu.name()
             )));
         }
-        let most =
-            info.extent.width.max(info.extent.height).checked_ilog2().map_or(0, |log2| log2 + 1);
-        if info.extent.width.min(info.extent.height) == 0 || !(1..=most).contains(&info.levels) {
+        if info.extent.width.min(info.extent.height) == 0 {
             return Err(Error::Usage(format!(
-                "{what} cannot have {} levels: each side has at least one pixel, and this size has 1 to {most} \
-                 levels",
+                "{what} has a side without pixels: each side has at least one"
+            )));
+        }
+        let most = info.extent.width.max(info.extent.height).ilog2() + 1;
+        if !(1..=most).contains(&info.levels) {
+            return Err(Error::Usage(format!(
+                "{what} cannot have {} levels: an image of this size has 1 to {most}",
                 info.levels
             )));
         }

@@ -153,8 +153,12 @@ impl Recorder {
         let distance = from.offset().abs_diff(to.offset());
         if from.raw().handle == to.raw().handle && distance < from.bytes() {
             let name = from.name();
+            let bytes = |slice: &Buffer<T>| slice.offset()..slice.offset() + slice.bytes();
             return Err(Error::Usage(format!(
-                "a copy inside buffer `{name}` overlaps with its source"
+                "bytes {:?} of buffer `{name}` cannot be copied to its bytes {:?}, which overlap with them: copy \
+                 through another buffer",
+                bytes(from),
+                bytes(to)
             )));
         }
         self.barrier();

@@ -345,7 +345,7 @@ impl ResourceTable {
         let wanted = if key.0 == 3 { ImageUse::Storage } else { ImageUse::Sampled };
         if image.0.usage != wanted {
             return Err(Error::Usage(format!(
-                "image `{}` was made for another use and cannot be one of the table's {}",
+                "image `{}` cannot be one of the table's {}: those are made with `ImageUse::{wanted:?}`",
                 image.name(),
                 KINDS[key.0 as usize].1
             )));

@@ -51,8 +51,8 @@ fn merged(vertex: &Shader, fragment: &Shader) -> std::result::Result<Vec<Resourc
     Ok(all)
 }
 
-/// Checks a pipeline; returns what has to be bound to it, sorted: its resources (see [`Pipeline::resources`]),
-/// and run-time arrays once more with the elements that they have at least.
+/// Checks a pipeline; returns what has to be bound to it, sorted: its resources (see [`Pipeline::resources`]).
+/// A run-time array occurs a second time if another variable at its place needs several elements.
 pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, String> {
     for (shader, stage) in
         [(&pipeline.vertex, Stage::Vertex), (&pipeline.fragment, Stage::Fragment)]
@@ -84,7 +84,7 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
             count: array.least,
             ..shader.reflection.resources[array.number as usize]
         });
-        let known: Vec<Resource> = least.filter(|r| is_open(r, &all)).collect();
+        let known: Vec<Resource> = least.filter(|r| r.count > 1 && is_open(r, &all)).collect();
         all.extend(known);
     }
     all.sort_by_key(|r| (r.set, r.binding));
@@ -124,7 +124,7 @@ fn check_specialization(pipeline: &Pipeline) -> Fault {
             if let Some((_, length)) = lengths.find(|known| known.0 == id && known.1 != value) {
                 return Err(format!(
                     "specialization constant {id} of `{}` is the length of an array of resources, which \
-                     cannot change from {length} to {value}",
+                     cannot change from {length} to {value}: compile the shader with that length",
                     shader.label
                 ));
             }

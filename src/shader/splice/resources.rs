@@ -28,7 +28,7 @@ pub(super) const SET: u32 = 1;
 pub(super) struct Element {
     /// Its place in the shader's list of resources; the push-constant block comes last.
     pub number: u32,
-    /// Span of its last element's number in the draw's list, if it is an array.
+    /// Place of its last element's number in the draw's list, if it is an array.
     pub last: Option<u32>,
     /// Binding in the table's set.
     binding: u32,
