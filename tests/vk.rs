@@ -348,7 +348,7 @@ fn copies_and_fills_keep_to_their_slices() {
         assert!(error.to_string().contains("5 bytes of buffer `bytes`"), "{error}");
         recorder.fill(&bytes, 7).unwrap();
         let error = recorder.copy(&slice(0..16), &slice(8..24)).unwrap_err();
-        assert!(error.to_string().contains("overlaps"), "{error}");
+        assert!(error.to_string().contains("from byte 0 to byte 8"), "{error}");
         recorder.copy(&slice(0..16), &slice(16..32)).unwrap();
         recorder.submit().unwrap();
     });
@@ -367,7 +367,7 @@ fn images_that_cannot_be_are_refused() {
         }
         let attachment = make(4, 2, 1, ImageUse::Attachment).unwrap();
         let error = ResourceTable::new(gpu).unwrap().insert_texture(&attachment).unwrap_err();
-        assert!(error.to_string().contains("another use"), "{error}");
+        assert!(error.to_string().contains("ImageUse::Sampled"), "{error}");
     });
 }
 

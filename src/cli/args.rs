@@ -60,7 +60,7 @@ Examples:
     /// Draw a scene with compute kernels and with the device's own pipeline, and compare
     #[command(after_help = "\
 Prints how many pixels there are, how many are covered by one of the two only
-(coverage_differing), show another triangle (winner_differing) or a colour that
+(coverage_differing), show a different triangle (winner_differing) or a colour that
 is off by more than 1 of 255 (colour_over_1), and the largest differences of
 colour and depth. The limits are narrower for a scene of which no triangle
 crosses the border of the picture.
@@ -76,7 +76,7 @@ Examples:
         after_help = bench::AFTER_HELP
     )]
     Bench(BenchArgs),
-    /// Check whether shaders can be drawn with
+    /// Check which shaders can be spliced into the kernels
     #[command(
         disable_help_subcommand = true,
         after_help = "\
@@ -156,7 +156,8 @@ pub enum ConformSubject {
     #[command(after_help = "\
 Prints how many were compiled to SPIR-V, spliced into the kernels with a valid
 result, and created on the device, and why the others were refused. What a
-shader writes to further colour targets goes nowhere: a pass has one.
+shader writes to further colour targets goes nowhere: a pass has one. Kinds of
+texture that a pass does not have yet (cube, array, shadow) are no refusal here.
 
 Example:
   tilewright conform shaders my/shaders --json")]
@@ -174,7 +175,7 @@ pub struct ConformShadersArgs {
     /// Look for included files in this folder too; may be given several times
     #[arg(short = 'I', long = "include", value_name = "DIR")]
     pub include: Vec<PathBuf>,
-    /// The stage of every shader, whatever its name says; takes .glsl files in that name none
+    /// The stage of every shader, whatever its name says; also takes .glsl files that name no stage
     #[arg(long, value_enum)]
     pub stage: Option<StageArg>,
     /// Print JSON instead of a table

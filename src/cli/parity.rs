@@ -32,6 +32,7 @@ pub fn run(args: &ParityArgs) -> Result<Outcome> {
     let gpu = device::open(&args.device)?;
     device::require_graphics(&gpu)?;
     let scene_view = SceneView::new(&plan.view)?;
+    plan.difference.iter().try_for_each(|output| scene_view.keep_from(output))?;
     let drawing = messages::progress("drawing", Both::STEPS);
     let mut compute = compute::Renderer::new(&gpu)?;
     let mut classic = classic::Renderer::new(&gpu)?;
@@ -80,7 +81,7 @@ fn table(both: &Both) -> String {
         Some(true) => "triangles cross the border of the picture",
         Some(false) => "no triangle crosses the border of the picture",
         None => {
-            "those for triangles within the picture; where they cross its border, depth has a wider one"
+            "those for triangles within the picture; triangles that cross its border have wider ones"
         }
     };
     [

@@ -29,6 +29,9 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
     let gpu = device::open(&args.device)?;
     clock.lap("open_device");
     let scene_view = SceneView::new(&plan.view)?;
+    for output in [Some(&plan.picture), plan.stats.as_ref()].into_iter().flatten() {
+        scene_view.keep_from(output)?;
+    }
     clock.lap("read_scene");
     let (frame, timings) = {
         let _working = messages::working_on("drawing");

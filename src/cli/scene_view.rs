@@ -2,6 +2,7 @@
 
 use super::{
     messages,
+    output::Output,
     plan::{CameraChoice, SceneName, View},
 };
 use crate::{
@@ -29,6 +30,20 @@ pub struct SceneView {
 }
 
 impl SceneView {
+    /// Refuses to write over a file that the scene was read from.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn keep_from(&self, output: &Output) -> Result<()> {
+        match self.scene.files().iter().find(|file| output.replaces(file)) {
+            Some(file) => Err(Error::Usage(format!(
+                "{} is a file of the scene: writing there would replace it",
+                file.display()
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Reads the scene and records its pass. Warnings go to standard error.
     ///
     /// # Errors

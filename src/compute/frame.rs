@@ -15,7 +15,9 @@ use crate::{
     image::{Extent, Image},
     pass::{Frame, Pass},
     plan::{BatchPlan, Plan},
-    vk::{Buffer, Copies, Gpu, Memory, Recorder, Recording, ResourceTable, Timings},
+    vk::{
+        Buffer, Copies, Gpu, Memory, Recorder, Recording, ResourceTable, Timings, error::no_memory,
+    },
 };
 
 /// Buffers that every band and batch of a frame shares.
@@ -153,7 +155,8 @@ fn join(
     targets: &[Target],
     rows: impl Fn(&Target) -> Result<Buffer<u8>>,
 ) -> Result<Image> {
-    let mut bytes = Vec::with_capacity(extent.pixels() * format.texel_bytes());
+    let (mut bytes, wanted) = (Vec::new(), extent.pixels() * format.texel_bytes());
+    bytes.try_reserve_exact(wanted).map_err(|_| no_memory("the picture", wanted as u64))?;
     for target in targets {
         rows(target)?.append_to(&mut bytes)?;
     }

@@ -23,6 +23,7 @@ use crate::{
 use glam::DMat4;
 use std::{
     collections::HashMap,
+    path::PathBuf,
     sync::{
         Arc, Mutex,
         atomic::{AtomicU64, Ordering},
@@ -100,6 +101,8 @@ pub(super) struct Builder {
     pub cameras: Vec<Camera>,
     pub light: Light,
     pub warnings: Vec<String>,
+    /// The files that were read.
+    pub files: Vec<PathBuf>,
     textures: Vec<TextureJob>,
 }
 
@@ -194,6 +197,7 @@ impl Builder {
         Ok(Scene {
             name: name.into(),
             warnings: self.warnings,
+            files: self.files,
             cameras: self.cameras,
             bounds,
             light: self.light,

@@ -15,8 +15,8 @@ const LONGEST_NAME: usize = 4096;
 /// A name is also looked for without the folders that it begins with, down from this many parts.
 const MOST_PARTS: usize = 32;
 
-/// Reads a regular file. Devices and pipes are refused: they may have no end.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
+/// Reads a regular file and adds it to `files`. Devices and pipes are refused: they may have no end.
+pub(super) fn read(path: &Path, files: &mut Vec<PathBuf>) -> Result<Vec<u8>> {
     let io = |e: std::io::Error| Error::input(path, format!("cannot be read: {e}"));
     let meta = std::fs::metadata(path).map_err(io)?;
     if !meta.is_file() {
@@ -26,7 +26,9 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
         let (gib, limit) = (meta.len() >> 30, MAX_FILE >> 30);
         return Err(Error::input(path, format!("has {gib} GiB, the limit is {limit} GiB")));
     }
-    std::fs::read(path).map_err(io)
+    let bytes = std::fs::read(path).map_err(io)?;
+    files.push(path.to_path_buf());
+    Ok(bytes)
 }
 
 /// Finds the file that `name` means in `folder`: as it stands, with the separators of Windows, with
@@ -124,7 +126,8 @@ mod tests {
         assert!(find(dir.path(), b"gr\xe4n.png").is_none());
         assert!(find(dir.path(), "textures/stone.jpg").is_none());
         assert!(find(Path::new(""), "CARGO.TOML").is_some(), "tests run where Cargo.toml is");
-        assert!(read(dir.path()).is_err());
+        let mut files = Vec::new();
+        assert!(read(dir.path(), &mut files).is_err() && files.is_empty());
     }
 
     #[test]

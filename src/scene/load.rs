@@ -24,7 +24,8 @@ impl Scene {
     /// [`Error::Input`](crate::Error::Input) that names the file and the fault;
     /// [`Error::Shader`](crate::Error::Shader) if the engine's own shaders do not compile.
     pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
-        let bytes = files::read(path)?;
+        let mut own = Vec::new();
+        let bytes = files::read(path, &mut own)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let scene = match (content::of(&bytes), extension.as_str()) {
@@ -40,6 +41,8 @@ impl Scene {
                     .into(),
             )),
         };
-        scene.map_err(|fault| fault.into_error(path))
+        let mut scene = scene.map_err(|fault| fault.into_error(path))?;
+        scene.files.splice(..0, own);
+        Ok(scene)
     }
 }

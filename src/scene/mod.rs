@@ -45,13 +45,14 @@ pub use pass::PassOptions;
 pub use texture::{ColorSpace, load_texture};
 
 use crate::pass::{BindingSet, Buffer, Pipeline};
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 
 /// Things to draw, lit and placed.
 #[derive(Clone, Debug)]
 pub struct Scene {
     name: String,
     warnings: Vec<String>,
+    files: Vec<PathBuf>,
     cameras: Vec<Camera>,
     bounds: Bounds,
     light: Light,
@@ -77,6 +78,11 @@ impl Scene {
     /// A sentence for each thing that was left out or replaced while loading.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// The files that it was read from, its own first: materials, buffers and pictures too. None if it is built in.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
     }
 
     /// The cameras of the file, in the order of its nodes.

@@ -29,7 +29,7 @@ pub enum ColorSpace {
 /// [`Error::Input`] if the file cannot be read, is no PNG or JPEG, is damaged or is larger than
 /// 16384 pixels in a direction.
 pub fn load_texture(path: &Path, space: ColorSpace) -> Result<Texture> {
-    let bytes = super::files::read(path)?;
+    let bytes = super::files::read(path, &mut Vec::new())?;
     decode(&path.display().to_string(), &bytes, space).map_err(|e| Error::input(path, e))
 }
 

@@ -19,8 +19,8 @@ pub(super) fn short(text: &str) -> String {
     }
 }
 
-/// The bytes behind `uri` in a document in `folder`.
-pub(super) fn read(uri: &str, folder: &Path) -> Outcome<Vec<u8>> {
+/// The bytes behind `uri` in a document in `folder`; a file that is read is added to `files`.
+pub(super) fn read(uri: &str, folder: &Path, files: &mut Vec<PathBuf>) -> Outcome<Vec<u8>> {
     if let Some(bytes) = data(uri) {
         return bytes;
     }
@@ -34,7 +34,7 @@ pub(super) fn read(uri: &str, folder: &Path) -> Outcome<Vec<u8>> {
         let name = String::from_utf8_lossy(&percent_decode(uri)).into_owned();
         format!("the file `{}` it refers to does not exist", short(&name))
     })?;
-    files::read(&path).map_err(|e| e.to_string())
+    files::read(&path, files).map_err(|e| e.to_string())
 }
 
 /// The file that `uri` means: its name as it stands or with its escapes undone, then without a query
@@ -183,10 +183,14 @@ mod tests {
             ("./sub/../b%20in.bin", "b in.bin"),
         ] {
             std::fs::create_dir_all(folder.path().join("sub")).unwrap();
-            assert_eq!(read(uri, folder.path()).as_deref(), Ok(name.as_bytes()), "{uri}");
+            assert_eq!(
+                read(uri, folder.path(), &mut Vec::new()).as_deref(),
+                Ok(name.as_bytes()),
+                "{uri}"
+            );
         }
         for wrong in ["none.bin?b%20in.bin", "?", "", "http://x/b.bin"] {
-            assert!(read(wrong, folder.path()).is_err(), "{wrong}");
+            assert!(read(wrong, folder.path(), &mut Vec::new()).is_err(), "{wrong}");
         }
     }
 
@@ -195,7 +199,7 @@ mod tests {
     fn names_that_are_no_utf_8_are_found() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join(os_string(b"caf\xe9.bin".to_vec())), b"x").unwrap();
-        assert_eq!(read("caf%E9.bin?v=1", folder.path()).unwrap(), b"x");
+        assert_eq!(read("caf%E9.bin?v=1", folder.path(), &mut Vec::new()).unwrap(), b"x");
     }
 
     #[test]
@@ -203,6 +207,6 @@ mod tests {
         assert_eq!(short("name"), "name");
         assert_eq!(short(&"❤".repeat(1000)).chars().count(), SHORT + 1);
         let long = format!("{}.bin", "x".repeat(100_000));
-        assert!(read(&long, Path::new("")).unwrap_err().len() < 200);
+        assert!(read(&long, Path::new(""), &mut Vec::new()).unwrap_err().len() < 200);
     }
 }

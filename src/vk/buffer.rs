@@ -1,7 +1,7 @@
 //! Typed buffers.
 
 use super::{
-    error::capacity,
+    error::{capacity, no_memory},
     gpu::{Gpu, Shared},
 };
 use crate::error::{Error, Result};
@@ -117,6 +117,10 @@ impl<T: Pod> Buffer<T> {
             if shared.addresses {
                 let info = vk::BufferDeviceAddressInfo::default().buffer(handle);
                 raw.address = shared.device.get_buffer_device_address(&info);
+                // Lavapipe, when the system gives it no memory, says that all is well and places the buffer at -1.
+                if raw.address == 0 || !raw.address.is_multiple_of(requirements.alignment) {
+                    return Err(no_memory(&what, requirements.size));
+                }
             }
         }
         shared.set_name(handle, name);
@@ -188,7 +192,9 @@ impl<T: Pod> Buffer<T> {
     pub fn append_to(&self, content: &mut Vec<T>) -> Result<()> {
         let _turn = self.raw.gpu.host_turn()?;
         let mapped = self.raw.mapped(Memory::Readback)?;
-        content.reserve_exact(self.len);
+        content
+            .try_reserve_exact(self.len)
+            .map_err(|_| no_memory(&format!("reading buffer `{}`", self.raw.name), self.bytes()))?;
         let (filled, bytes) = (content.len(), self.bytes() as usize);
         // SAFETY: `offset + bytes` is inside the buffer, which is mapped as a whole; after `filled`, the
         // vector has room for as many elements; any bytes are a `T`, which is plain data.

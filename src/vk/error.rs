@@ -22,6 +22,13 @@ pub(super) fn describe(device: &str, what: &str, result: vk::Result) -> Error {
     }
 }
 
+/// The error where the system has no memory, whatever the limits say.
+pub(crate) fn no_memory(what: &str, wanted: u64) -> Error {
+    Error::Full(format!(
+        "{what} needs {wanted} bytes, and the system does not give that much memory: use a smaller size or scene"
+    ))
+}
+
 /// The error for memory that cannot be had.
 pub(super) fn capacity(what: &str, wanted: u64, limit_of: String, limit: u64) -> Error {
     Error::Capacity {

@@ -47,7 +47,7 @@ mod copies;
 mod device;
 mod doctor;
 mod drivers;
-mod error;
+pub(crate) mod error;
 mod gpu;
 mod image;
 mod inherited;

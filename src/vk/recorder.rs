@@ -152,13 +152,10 @@ impl Recorder {
         }
         let distance = from.offset().abs_diff(to.offset());
         if from.raw().handle == to.raw().handle && distance < from.bytes() {
-            let name = from.name();
-            let bytes = |slice: &Buffer<T>| slice.offset()..slice.offset() + slice.bytes();
+            let (name, bytes, at, to) = (from.name(), from.bytes(), from.offset(), to.offset());
             return Err(Error::Usage(format!(
-                "bytes {:?} of buffer `{name}` cannot be copied to its bytes {:?}, which overlap with them: copy \
-                 through another buffer",
-                bytes(from),
-                bytes(to)
+                "{bytes} bytes of buffer `{name}` cannot be copied from byte {at} to byte {to}, since the two ranges \
+                 overlap: copy through another buffer"
             )));
         }
         self.barrier();

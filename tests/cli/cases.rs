@@ -209,3 +209,25 @@ fn too_little_address_space_ends_with_6() {
         finish(&mut shell).expect(6).saying(&["ulimit -v", &kib.to_string()]);
     }
 }
+
+/// The buffers of the targets get their addresses and no memory behind them, or the host has no room for the picture.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_picture_that_memory_is_too_small_for_ends_with_6() {
+    for (kib, size) in
+        [(2_000_000, "16384x16384"), (4_000_000, "16384x16384"), (1_500_000, "8000x8000")]
+    {
+        let tool = command();
+        let mut shell = Command::new("sh");
+        shell.arg("-c").arg(format!("ulimit -v {kib}; exec \"$0\" \"$@\""));
+        shell.arg(tool.get_program()).args([
+            "render",
+            "builtin:triangle",
+            "-o",
+            "-",
+            "--size",
+            size,
+        ]);
+        finish(&mut shell).expect(6).saying(&["use a smaller size"]);
+    }
+}

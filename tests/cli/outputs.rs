@@ -73,6 +73,42 @@ fn a_failed_run_leaves_the_old_picture() {
     assert_eq!(names(folder.path()).len(), 2);
 }
 
+/// A triangle whose buffer, material library and texture are files beside it.
+#[test]
+fn files_of_the_scene_are_never_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    run(["render", "builtin:cube", "--size", "4x4", "-o", at("t.png").to_str().unwrap()]).expect(0);
+    fs::write(at("m.mtl"), "newmtl m\nmap_Kd t.png\n").unwrap();
+    let obj = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
+    fs::write(at("s.obj"), obj).unwrap();
+    let positions: Vec<u8> =
+        [0f32, 0., 0., 1., 0., 0., 0., 1., 0.].iter().flat_map(|f| f.to_le_bytes()).collect();
+    fs::write(at("b.bin"), positions).unwrap();
+    let gltf = r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"b.bin","byteLength":36}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],"images":[{"uri":"t.png"}],"textures":[{"source":0}],
+        "materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0},"material":0}]}],
+        "nodes":[{"mesh":0}],"scenes":[{"nodes":[0]}],"scene":0}"#;
+    fs::write(at("s.gltf"), gltf).unwrap();
+    let content = |name: &str| fs::read(at(name)).unwrap();
+    for (scene, part) in
+        [("s.obj", "m.mtl"), ("s.obj", "t.png"), ("s.gltf", "b.bin"), ("s.gltf", "t.png")]
+    {
+        let (scene, path, before) = (at(scene), at(part), content(part));
+        let refused = |line: &[&str], option: &str| {
+            let mut tool = command();
+            tool.args(line).arg(&scene).args(["--size", "8x8", option]).arg(&path);
+            finish(&mut tool).expect(2).saying(&[part, "a file of the scene"]);
+            assert_eq!(content(part), before, "{line:?} {part}");
+        };
+        refused(&["render"], "-o");
+        refused(&["render", "-o", at("out.png").to_str().unwrap()], "--stats");
+        refused(&["parity"], "--diff");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn a_device_node_is_written_to_and_not_replaced() {

@@ -18,7 +18,7 @@ use gltf_json::{
     accessor::{ComponentType, Type},
     validation::Checked,
 };
-use std::{borrow::Cow, collections::HashMap, path::Path};
+use std::{borrow::Cow, collections::HashMap, path::Path, path::PathBuf};
 
 /// Results whose error is a sentence about the file.
 pub(super) type Checks<T> = Result<T, String>;
@@ -94,11 +94,16 @@ fn component_bytes(component: ComponentType) -> usize {
 }
 
 impl<'a> Data<'a> {
-    /// Reads all buffers; one that cannot be read is an error when something needs it.
-    pub fn new(root: &'a Root, folder: &Path, binary: Option<&'a [u8]>) -> Self {
+    /// Reads all buffers; one that cannot be read is an error when something needs it. Adds to `files` what it reads.
+    pub fn new(
+        root: &'a Root,
+        folder: &Path,
+        binary: Option<&'a [u8]>,
+        files: &mut Vec<PathBuf>,
+    ) -> Self {
         let read = |(i, buffer): (usize, &'a gltf_json::Buffer)| {
             let bytes: Cow<[u8]> = match (&buffer.uri, binary) {
-                (Some(uri), _) => Cow::Owned(uri::read(uri, folder)?),
+                (Some(uri), _) => Cow::Owned(uri::read(uri, folder, files)?),
                 (None, Some(binary)) if i == 0 => Cow::Borrowed(binary),
                 (None, _) => return Err(format!("buffer {i} has neither a URI nor a GLB chunk")),
             };

@@ -189,7 +189,7 @@ impl Reader<'_, '_> {
         let described = get(&root.images, image, "image")?;
         let bytes = match (&described.buffer_view, &described.uri) {
             (Some(view), _) => self.data.view(view.value()).map(<[u8]>::to_vec),
-            (None, Some(uri)) => uri::read(uri, self.folder),
+            (None, Some(uri)) => uri::read(uri, self.folder, &mut self.builder.files),
             (None, None) => Err("it has neither a URI nor a buffer view".into()),
         };
         let label = format!("image {image}");

@@ -33,7 +33,7 @@ pub(super) fn load(path: &Path, name: &str, bytes: &[u8], time: Option<f64>) -> 
     let mut builder = Builder::default();
     let container = container::Container::parse(bytes, |w| builder.warn(w))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut data = Data::new(&container.root, folder, container.binary);
+    let mut data = Data::new(&container.root, folder, container.binary, &mut builder.files);
     let materials = materials::add(&data, folder, &mut builder)?;
     let pose = Pose::new(&data, &container.locals, time)?;
     let hierarchy = Hierarchy::new(&container.root)?;

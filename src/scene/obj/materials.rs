@@ -65,7 +65,7 @@ fn libraries(obj: &Obj, path: &Path, folder: &Path, builder: &mut Builder) -> Li
         let file = std::fs::canonicalize(&found).unwrap_or_else(|_| found.clone());
         if library.files.insert(file) {
             let file = found.file_name().unwrap_or_default().to_string_lossy();
-            match files::read(&found) {
+            match files::read(&found, &mut builder.files) {
                 Ok(bytes) => library.add(&bytes, &file).into_iter().for_each(|w| builder.warn(w)),
                 Err(fault) => builder.warn(format!("the material library {fault}")),
             }
@@ -104,7 +104,7 @@ fn libraries(obj: &Obj, path: &Path, folder: &Path, builder: &mut Builder) -> Li
             "no material library that the file names can be read; `{}` beside it is read instead",
             found.file_name().unwrap_or_default().display()
         ));
-        if let Ok(bytes) = files::read(&found) {
+        if let Ok(bytes) = files::read(&found, &mut builder.files) {
             library.add(&bytes, &found.file_name().unwrap_or_default().to_string_lossy());
         }
     }
@@ -247,7 +247,7 @@ impl Pictures<'_> {
             return known.map(|number| (map, number));
         }
         let found = map.names.iter().find_map(|name| files::find_by_name(self.folder, name));
-        let bytes = found.and_then(|path| files::read(&path).ok());
+        let bytes = found.and_then(|path| files::read(&path, &mut self.builder.files).ok());
         let number = bytes.map(|bytes| {
             let (name, has_alpha) = (shown(name), has_alpha(&bytes));
             self.read.push(Picture { name, bytes: Arc::new(bytes), has_alpha });
