@@ -141,7 +141,8 @@ pub enum Binding {
     Uniform(BufferRange),
     /// A storage block. What shaders write is not visible outside the pass: each execution begins with the bytes of
     /// the buffer. Other storage blocks of the pass in the same buffer see the writes; uniform blocks, vertices and
-    /// indices do not.
+    /// indices do not. Targets of more than 8 million pixels are drawn by `compute` in bands of rows, and each band
+    /// begins with the bytes of the buffer too.
     Storage(BufferRange),
     /// `sampler2D`.
     Sampled(Arc<Texture>, Sampler),
