@@ -79,6 +79,7 @@ struct Attribute {
     uint slot;
     uint offset;
     uint stride;
+    uint last;
 };
 
 struct Triangle {

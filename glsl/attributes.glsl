@@ -6,7 +6,7 @@
 #include "lib/attribute.glsl"
 #include "lib/quad.glsl"
 
-layout(scalar, binding = 3) readonly buffer Attributes { uint attributes[][3]; }; // `Attribute`
+layout(scalar, binding = 3) readonly buffer Attributes { uint attributes[][4]; }; // `Attribute`
 
 Attribute bound_attributes[MAX_ATTRIBUTES];
 // The values of per-instance attributes, and the number in its draw of the instance that they belong to.
@@ -14,8 +14,8 @@ uint bound_instance = NONE;
 uvec4 instance_values[MAX_ATTRIBUTES];
 
 void tw_bind_attribute(const in uint location) {
-    uvec4 words = of_quad(attributes[piece.attribute_base + location][min(QUAD_LANE, 2u)]);
-    bound_attributes[location] = Attribute(words.x, words.y, words.z);
+    uvec4 words = of_quad(attributes[piece.attribute_base + location][QUAD_LANE]);
+    bound_attributes[location] = Attribute(words.x, words.y, words.z, words.w);
 }
 
 // The component at byte `byte` of the buffer in table slot `slot`. Components are aligned to their size.
@@ -35,7 +35,7 @@ uvec4 fetch(const uint location) {
     if (format == 0u) return value;
     uint component = format & ((1u << ATTRIBUTE_COUNT_SHIFT) - 1u), count = attribute_count(location);
     // No local variable holds the attribute: a lane that is switched off would leave the variable undefined.
-    uint index = uint(is_per_instance(location) ? tw_InstanceIndex : tw_VertexIndex);
+    uint index = min(uint(is_per_instance(location) ? tw_InstanceIndex : tw_VertexIndex), bound_attributes[location].last);
     uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index;
     uint slot = bound_attributes[location].slot + (byte >> WINDOW_LOG2), size = component_bytes(component);
     byte &= (1u << WINDOW_LOG2) - 1u;

@@ -44,7 +44,9 @@ uvec3 vertex_slots(const Piece piece, const uint in_piece) {
     uint instance = divide(q, piece.primitives_per_instance);
     uvec3 element = assemble(piece.topology, q - instance * piece.primitives_per_instance);
     uvec3 vertex = uvec3(fetch_index(piece, element.x), fetch_index(piece, element.y), fetch_index(piece, element.z));
-    return piece.vertex_base + (instance - piece.instance_min) * piece.vertices_per_instance + vertex - piece.vertex_min;
+    // An index outside the range that the caller declared is some vertex of the range.
+    vertex = min(vertex - piece.vertex_min, uvec3(piece.vertices_per_instance - 1u));
+    return piece.vertex_base + (instance - piece.instance_min) * piece.vertices_per_instance + vertex;
 }
 
 ivec2 snap(const vec3 p) {

@@ -282,6 +282,8 @@ pub struct Attribute {
     pub offset: u32,
     /// Bytes from element to element.
     pub stride: u32,
+    /// The last element that the buffer's range holds. Elements beyond it are read as this one.
+    pub last: u32,
 }
 
 /// A triangle after setup, for raster, z-test and shading. Shading reads only the second half, two words for

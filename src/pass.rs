@@ -1,4 +1,5 @@
-//! A recorded pass: targets, pipelines, bindings and draws, as plain data.
+//! A recorded pass: targets, pipelines, bindings and draws, as plain data. Its buffers are bytes of the host, or
+//! handles of buffers that live on a device.
 //!
 //! Three executors take the same [`Pass`]: `compute` (the product), `classic` (the device's own
 //! graphics pipeline) and `reference` (the CPU). None of them changes it, and each derives from it by itself what has
@@ -13,42 +14,16 @@ use crate::{
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
 };
-use std::sync::Arc;
+use std::{ops::RangeInclusive, sync::Arc};
 
+mod buffer;
 mod indices;
+mod snapshot;
 mod validate;
 mod written;
 
+pub use buffer::{Buffer, BufferRange};
 pub use indices::IndexRanges;
-
-/// Bytes for vertices, indices, uniform or storage blocks. Immutable: a change is a new buffer.
-#[derive(Clone, Debug, Default)]
-pub struct Buffer {
-    /// For messages and debug labels.
-    pub label: String,
-    /// The content.
-    pub bytes: Vec<u8>,
-}
-
-/// A range of a [`Buffer`].
-#[derive(Clone, Debug)]
-pub struct BufferRange {
-    /// The buffer.
-    pub buffer: Arc<Buffer>,
-    /// First byte. A multiple of 256 where a shader binds it as a block
-    /// (the largest alignment Vulkan lets a device ask for), of the size of one component for
-    /// vertices, of the width of an index for indices.
-    pub offset: usize,
-    /// Bytes.
-    pub bytes: usize,
-}
-
-impl BufferRange {
-    /// All of `buffer`.
-    pub fn whole(buffer: &Arc<Buffer>) -> Self {
-        Self { buffer: buffer.clone(), offset: 0, bytes: buffer.bytes.len() }
-    }
-}
 
 /// How often a vertex binding advances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -137,12 +112,17 @@ impl Pipeline {
 /// a run-time array is the number of elements that the range has room for.
 #[derive(Clone, Debug)]
 pub enum Binding {
-    /// A uniform block.
+    /// A uniform block. A range of a buffer on a device is as long as the block.
     Uniform(BufferRange),
-    /// A storage block. What shaders write is not visible outside the pass: each execution begins with the bytes of
-    /// the buffer. Other storage blocks of the pass in the same buffer see the writes; uniform blocks, vertices and
-    /// indices do not. Targets of more than 8 million pixels are drawn by `compute` in bands of rows, and each band
-    /// begins with the bytes of the buffer too.
+    /// A storage block.
+    ///
+    /// In a buffer of a device, what shaders write stays there. In a buffer of the host, it is not visible outside
+    /// the pass: each execution begins with the bytes of the buffer. Other storage blocks of the pass in the same
+    /// buffer see the writes; uniform blocks, vertices and indices do not.
+    ///
+    /// Targets of more than 8 million pixels are drawn by `compute` in bands of rows. Each band begins with the bytes
+    /// of a buffer of the host again, and runs vertex shaders again, which Vulkan allows. Fragment shaders run once
+    /// for each fragment in any case.
     Storage(BufferRange),
     /// `sampler2D`.
     Sampled(Arc<Texture>, Sampler),
@@ -197,6 +177,16 @@ pub struct Indices {
     pub range: BufferRange,
     /// Their width.
     pub format: IndexFormat,
+    /// The smallest and the largest index among those that a draw reads, if the caller knows them. `None` leaves
+    /// it to the executor. If it is wrong, wrong vertices are drawn and nothing else happens.
+    pub vertices: Option<RangeInclusive<u32>>,
+}
+
+impl Indices {
+    /// The indices in `range`.
+    pub fn new(range: BufferRange, format: IndexFormat) -> Self {
+        Self { range, format, vertices: None }
+    }
 }
 
 /// One draw: `vkCmdDraw` or `vkCmdDrawIndexed` with all it needs bound.

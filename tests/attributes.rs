@@ -54,7 +54,7 @@ void main() { color = vec4(float(number) / 255.0, shade, 1.0); }";
 
 fn buffer<T: bytemuck::Pod>(label: &str, content: &[T]) -> BufferRange {
     let bytes = bytemuck::cast_slice(content).to_vec();
-    BufferRange::whole(&Arc::new(Buffer { label: label.into(), bytes }))
+    BufferRange::whole(&Arc::new(Buffer::new(label, bytes)))
 }
 
 fn pipeline() -> Pipeline {
@@ -121,7 +121,7 @@ fn pass(apart: usize, depth: DepthState) -> Pass {
         buffer("constants", &[9.0f32, 0.1, 0.2, 0.1, 0.2, 9.0]),
         buffer("shifts", &[9u32, 9, 3, 9]),
     ];
-    draw.indices = Some(Indices { range: buffer("indices", &indices), format: IndexFormat::U16 });
+    draw.indices = Some(Indices::new(buffer("indices", &indices), IndexFormat::U16));
     draw.base_vertex = 1;
     draw.instances = count;
     draw.first_instance = 3;

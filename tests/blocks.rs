@@ -43,8 +43,8 @@ fn pass(
     bind: fn(BufferRange) -> Binding,
 ) -> Pass {
     let ones: Vec<u8> = [1.0f32; 96].iter().flat_map(|one| one.to_ne_bytes()).collect();
-    let ones = Arc::new(Buffer { label: "ones".into(), bytes: ones[..256 + bytes].to_vec() });
-    let zeros = Arc::new(Buffer { label: "zeros".into(), bytes: vec![0; 16] });
+    let ones = Arc::new(Buffer::new("ones", ones[..256 + bytes].to_vec()));
+    let zeros = Arc::new(Buffer::new("zeros", vec![0; 16]));
     let range = BufferRange { buffer: ones, offset: 256, bytes };
     let entry = |binding, resource| BindingEntry { binding, resources: vec![resource] };
     let corners = Binding::Uniform(BufferRange::whole(&zeros));
@@ -179,7 +179,7 @@ fn overwritten() -> Pass {
     words[64..68].copy_from_slice(&[0.0f32, 1.0, 0.0, 1.0].map(f32::to_bits));
     words[128..134].copy_from_slice(&[-1.0f32, -1.0, -1.0, 3.0, 3.0, -1.0].map(f32::to_bits));
     let bytes = words.iter().flat_map(|word| word.to_ne_bytes()).collect();
-    let buffer = Arc::new(Buffer { label: "everything".into(), bytes });
+    let buffer = Arc::new(Buffer::new("everything", bytes));
     let range = |offset, bytes| BufferRange { buffer: buffer.clone(), offset, bytes };
     let entry = |binding, resource| BindingEntry { binding, resources: vec![resource] };
     let whole = BufferRange::whole(&buffer);
@@ -205,7 +205,7 @@ fn overwritten() -> Pass {
     pass.draws.push(Draw {
         sets: vec![Arc::new(BindingSet { entries })],
         vertex_buffers: vec![range(512, 24)],
-        indices: Some(Indices { range: range(0, 12), format: IndexFormat::U32 }),
+        indices: Some(Indices::new(range(0, 12), IndexFormat::U32)),
         ..Draw::new(0, 3)
     });
     // The second draw finds the indices of the first.

@@ -23,7 +23,7 @@ fn shader(stage: Stage, label: &str, body: &str) -> Arc<Shader> {
 }
 
 fn buffer<T: bytemuck::Pod>(label: &str, content: &[T]) -> Arc<Buffer> {
-    Arc::new(Buffer { label: label.into(), bytes: bytemuck::cast_slice(content).to_vec() })
+    Arc::new(Buffer::new(label, bytemuck::cast_slice(content).to_vec()))
 }
 
 /// Position in xy(z), colour from a location or constants: enough for most cases here.
@@ -222,10 +222,10 @@ void main() { color = vec4(paint, 1); }";
                 BufferRange::whole(&buffer("corners", &corners)),
                 BufferRange::whole(&buffer("instances", &instances)),
             ],
-            indices: Some(Indices {
-                range: BufferRange::whole(&buffer("indices", &indices)),
-                format: IndexFormat::U16,
-            }),
+            indices: Some(Indices::new(
+                BufferRange::whole(&buffer("indices", &indices)),
+                IndexFormat::U16,
+            )),
             first: 1,
             base_vertex: 1,
             instances: 2,

@@ -121,7 +121,7 @@ fn pass(seed: u64, shaders: &[Arc<Shader>; 2]) -> Pass {
         depth: DepthState::OFF,
         ..Pipeline::new("extreme", shaders[0].clone(), shaders[1].clone())
     };
-    let buffer = |label: &str, bytes: Vec<u8>| Arc::new(Buffer { label: label.into(), bytes });
+    let buffer = |label: &str, bytes: Vec<u8>| Arc::new(Buffer::new(label, bytes));
     let nudges = buffer("nudges", vec![0; 4096]);
     let shades = buffer("shades", (0..4096u32).map(|i| (i * 37) as u8).collect());
     let mut draw = Draw {
@@ -144,7 +144,7 @@ fn pass(seed: u64, shaders: &[Arc<Shader>; 2]) -> Pass {
         };
         let format = if wide { IndexFormat::U32 } else { IndexFormat::U16 };
         draw.first = modest(random);
-        draw.indices = Some(Indices { range: range(random, &buffer("indices", bytes)), format });
+        draw.indices = Some(Indices::new(range(random, &buffer("indices", bytes)), format));
     }
     let mut pass = Pass::new(&format!("seed {seed}"), Extent::new(16, 16));
     pass.color.format = Format::Rgba8Unorm;

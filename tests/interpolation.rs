@@ -142,8 +142,7 @@ fn pass_of(vertices: &[Vertex], vertex: &Arc<Shader>, fragment: &Arc<Shader>) ->
     ];
     let bytes = bytemuck::cast_slice(vertices).to_vec();
     let mut draw = Draw::new(0, vertices.len() as u32);
-    draw.vertex_buffers =
-        vec![BufferRange::whole(&Arc::new(Buffer { label: "vertices".into(), bytes }))];
+    draw.vertex_buffers = vec![BufferRange::whole(&Arc::new(Buffer::new("vertices", bytes)))];
     Pass {
         label: "interpolation".into(),
         extent: Extent::new(96, 64),

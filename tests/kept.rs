@@ -42,8 +42,7 @@ fn shaders(factor: u32) -> (Shader, Shader) {
 /// A pass in which everything is new but its content.
 fn pass(shaders: &(Shader, Shader), draws: usize) -> Pass {
     let corners: [[f32; 2]; 3] = [[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]];
-    let mesh =
-        Arc::new(Buffer { label: "mesh".into(), bytes: bytemuck::cast_slice(&corners).to_vec() });
+    let mesh = Arc::new(Buffer::new("mesh", bytemuck::cast_slice(&corners).to_vec()));
     let white = Arc::new(Texture {
         label: "white".into(),
         extent: Extent::new(1, 1),

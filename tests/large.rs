@@ -48,7 +48,7 @@ fn pass(label: &str) -> Pass {
 }
 
 fn buffer(label: &str, bytes: Vec<u8>) -> Arc<Buffer> {
-    Arc::new(Buffer { label: label.into(), bytes })
+    Arc::new(Buffer::new(label, bytes))
 }
 
 fn push_constants(random: &mut Random) -> Vec<u8> {
@@ -135,8 +135,7 @@ fn vertices_and_indices_may_be_far_into_a_buffer() {
             indexed.push_constants = push_constants(&mut random);
             let mut plain = Draw { first: vertices.1, ..indexed.clone() };
             plain.push_constants = push_constants(&mut random);
-            indexed.indices =
-                Some(Indices { range: BufferRange::whole(&indices.0), format: IndexFormat::U16 });
+            indexed.indices = Some(Indices::new(BufferRange::whole(&indices.0), IndexFormat::U16));
             indexed.first = indices.1;
             indexed.base_vertex = vertices.1 as i32;
             pass.draws = vec![indexed, plain];

@@ -14,6 +14,7 @@ mod kept;
 mod kernels;
 mod known_issues;
 mod large;
+mod live;
 mod mutation;
 mod parity;
 mod pass;

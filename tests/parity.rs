@@ -116,7 +116,7 @@ fn overlapping(pipeline: &Pipeline, format: Format, seed: u64) -> Pass {
         .map(|_| [random.signed() * 0.99, random.signed() * 0.99, random.unit(), 1.0])
         .collect();
     let bytes = bytemuck::cast_slice(&positions).to_vec();
-    let buffer = Arc::new(Buffer { label: "triangles".into(), bytes });
+    let buffer = Arc::new(Buffer::new("triangles", bytes));
     let mut draw = Draw::new(0, positions.len() as u32);
     draw.vertex_buffers = vec![BufferRange::whole(&buffer)];
     Pass {

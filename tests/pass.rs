@@ -21,7 +21,7 @@ fn shader(stage: Stage, label: &str, body: &str) -> Arc<Shader> {
 }
 
 fn zeros(label: &str, bytes: usize) -> Arc<Buffer> {
-    Arc::new(Buffer { label: label.into(), bytes: vec![0; bytes] })
+    Arc::new(Buffer::new(label, vec![0; bytes]))
 }
 
 /// The parts of a pass that makes sense, each of which a case spoils.
@@ -63,17 +63,12 @@ void main() { color = texture(images[id & 1u], uv + offset) * factor[3]; }",
             vertex_attributes: vec![attribute(0, VertexFormat::F32X3, 0), attribute(3, ids, 12)],
             ..Pipeline::new("brick", vertex, fragment)
         };
-        let indices = Arc::new(Buffer {
-            label: "indices".into(),
-            bytes: [0u16, 1, 2, 9].iter().flat_map(|i| i.to_ne_bytes()).collect(),
-        });
+        let bytes = [0u16, 1, 2, 9].iter().flat_map(|i| i.to_ne_bytes()).collect();
+        let indices = Arc::new(Buffer::new("indices", bytes));
         let draw = Draw {
             push_constants: vec![0; 8],
             vertex_buffers: vec![BufferRange::whole(&zeros("vertices", 48))],
-            indices: Some(Indices {
-                range: BufferRange::whole(&indices),
-                format: IndexFormat::U16,
-            }),
+            indices: Some(Indices::new(BufferRange::whole(&indices), IndexFormat::U16)),
             ..Draw::new(0, 3)
         };
         let entries = vec![BindingEntry {

@@ -38,7 +38,7 @@ fn coverage(
         ..(*pass.pipelines[0]).clone()
     };
     let bytes = bytemuck::cast_slice(positions).to_vec();
-    let buffer = Arc::new(Buffer { label: "mesh".into(), bytes });
+    let buffer = Arc::new(Buffer::new("mesh", bytes));
     let mut draw = Draw::new(0, positions.len() as u32);
     draw.vertex_buffers = vec![BufferRange::whole(&buffer)];
     pass = Pass {
@@ -225,8 +225,7 @@ fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
             let corners = corners.map(|[x, y]| [x, y, z, 1.0f32]);
             let bytes = bytemuck::cast_slice(&corners).to_vec();
             let mut draw = Draw::new(pipeline, 4);
-            draw.vertex_buffers =
-                vec![BufferRange::whole(&Arc::new(Buffer { label: "layer".into(), bytes }))];
+            draw.vertex_buffers = vec![BufferRange::whole(&Arc::new(Buffer::new("layer", bytes)))];
             draw
         };
         let draws: Vec<Draw> = layers.map(draw).to_vec();
@@ -327,7 +326,7 @@ fn bins_are_shaded_by_the_shaders_of_what_they_show() {
                 let bytes = bytemuck::cast_slice(&corners).to_vec();
                 let mut draw = Draw::new(kernel, 4);
                 draw.vertex_buffers =
-                    vec![BufferRange::whole(&Arc::new(Buffer { label: "layer".into(), bytes }))];
+                    vec![BufferRange::whole(&Arc::new(Buffer::new("layer", bytes)))];
                 draws.push(draw);
             }
             let pass = Pass {

@@ -44,7 +44,7 @@ fn texture(texels: &[[u8; 4]]) -> Arc<Texture> {
 
 fn block(color: [u8; 4]) -> BufferRange {
     let bytes = color.iter().flat_map(|c| (f32::from(*c) / 255.0).to_ne_bytes()).collect();
-    BufferRange::whole(&Arc::new(Buffer { label: "color".into(), bytes }))
+    BufferRange::whole(&Arc::new(Buffer::new("color", bytes)))
 }
 
 fn sampled(color: [u8; 4]) -> Binding {

@@ -123,9 +123,7 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
         let pipeline = pipeline(random, &shaders.0, &shaders.1);
         let triangles = 1 + random.below(40);
         let positions = positions(random, triangles);
-        let buffer = |label: &str, bytes: &[u8]| {
-            Arc::new(Buffer { label: label.into(), bytes: bytes.to_vec() })
-        };
+        let buffer = |label: &str, bytes: &[u8]| Arc::new(Buffer::new(label, bytes.to_vec()));
         // Elements before the range that is bound, and elements of the range before the first that is drawn.
         let (unbound, skipped) = (random.below(3), random.below(3));
         let other = [[0.9f32, -0.9, 0.1, 1.0], [-0.9, 0.9, 0.2, 1.0]];
@@ -153,7 +151,7 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
             let format = if wide { IndexFormat::U32 } else { IndexFormat::U16 };
             let (offset, bound) = (format.bytes() * unbound, format.bytes() * (skipped + count));
             let range = BufferRange { buffer: buffer("indices", &bytes), offset, bytes: bound };
-            draw.indices = Some(Indices { range, format });
+            draw.indices = Some(Indices::new(range, format));
             draw.first = skipped as u32;
             draw.count = count as u32;
         }
@@ -216,7 +214,8 @@ fn misplaced(pass: &Pass, trace: &Trace) -> Option<Vertex> {
     let wrong = |&(vertex, found): &(Vertex, [f32; 4])| {
         let range = &pass.draws[vertex.draw as usize].vertex_buffers[0];
         let at = range.offset + 16 * vertex.vertex as usize;
-        let position: [f32; 4] = bytemuck::pod_read_unaligned(&range.buffer.bytes[at..at + 16]);
+        let position: [f32; 4] =
+            bytemuck::pod_read_unaligned(&range.buffer.host_bytes().unwrap()[at..at + 16]);
         position.map(f32::to_bits) != found.map(f32::to_bits)
     };
     trace.positions.iter().find(wrong).map(|(vertex, _)| vertex)

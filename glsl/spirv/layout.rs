@@ -104,7 +104,8 @@ const _: () = assert!(state::BlendOp::Max as u32 == 4, "BlendOp::Max has changed
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, slot) == 0, "Attribute.slot differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, offset) == 4, "Attribute.offset differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, stride) == 8, "Attribute.stride differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
-const _: () = assert!(std::mem::size_of::<abi::Attribute>() == 12, "Attribute has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Attribute, last) == 12, "Attribute.last differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::size_of::<abi::Attribute>() == 16, "Attribute has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Batch, width) == 0, "Batch.width differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Batch, height) == 4, "Batch.height differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Batch, origin_y) == 8, "Batch.origin_y differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");

@@ -67,8 +67,7 @@ fn shaders(varyings: u32) -> Result<(Arc<Shader>, Arc<Shader>)> {
 pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
     recipe.check().map_err(|reason| Error::Usage(format!("{name}: {reason}")))?;
     let model = model(recipe, extent);
-    let buffer =
-        |label: &str, bytes: &[u8]| Arc::new(Buffer { label: label.into(), bytes: bytes.to_vec() });
+    let buffer = |label: &str, bytes: &[u8]| Arc::new(Buffer::new(label, bytes.to_vec()));
     let meshes: Vec<_> = model
         .meshes
         .iter()
@@ -87,7 +86,7 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
     let pieces = (recipe.draws as usize).div_ceil(model.objects.len().max(1)) as u32;
     for object in &model.objects {
         let (vertices, indices) = &meshes[object.mesh];
-        let triangles = (indices.bytes.len() / 12) as u32;
+        let triangles = (indices.len() / 12) as u32;
         for piece in 0..pieces.min(triangles) {
             let cut = |n: u32| {
                 (u64::from(triangles) * u64::from(n) / u64::from(pieces.min(triangles))) as u32
@@ -101,10 +100,7 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
                 sets: vec![frame.clone(), materials[material].clone()],
                 push_constants: push_constants(object),
                 vertex_buffers: vec![BufferRange::whole(vertices)],
-                indices: Some(Indices {
-                    range: BufferRange::whole(indices),
-                    format: IndexFormat::U32,
-                }),
+                indices: Some(Indices::new(BufferRange::whole(indices), IndexFormat::U32)),
                 first: cut(piece) * 3,
                 ..Draw::new(pipelines.of(object.kind, number), (cut(piece + 1) - cut(piece)) * 3)
             });
@@ -189,7 +185,7 @@ fn frame_set(model: &Model) -> Arc<BindingSet> {
         light: model.eye.normalize().lerp(Vec3::new(0.5, 0.8, 0.2), 0.5).normalize().extend(0.0),
     };
     let bytes = bytemuck::bytes_of(&frame).to_vec();
-    let buffer = Arc::new(Buffer { label: "frame".into(), bytes });
+    let buffer = Arc::new(Buffer::new("frame", bytes));
     let resources = vec![Binding::Uniform(BufferRange::whole(&buffer))];
     Arc::new(BindingSet { entries: vec![BindingEntry { binding: 0, resources }] })
 }

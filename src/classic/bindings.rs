@@ -127,7 +127,7 @@ impl Bindings {
                 let (bytes, limit) = (range.bytes as u64, gpu.limits().storage_range_bytes);
                 if bytes > limit {
                     return Err(crate::Error::Capacity {
-                        what: format!("storage block in buffer `{}`", range.buffer.label),
+                        what: format!("storage block in buffer `{}`", range.buffer.label()),
                         wanted: bytes,
                         limit_of: format!("one binding on {}", gpu.info().name),
                         limit,

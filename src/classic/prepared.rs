@@ -255,7 +255,7 @@ fn record_draw(
         let buffer = resources.buffer(&range.buffer)?;
         // The padding at a buffer's end is part of the range, for elements that are read wider than
         // they are.
-        let bytes = if range.offset + range.bytes == range.buffer.bytes.len() {
+        let bytes = if range.offset + range.bytes == range.buffer.len() {
             buffer.raw().size - range.offset as u64
         } else {
             range.bytes as u64

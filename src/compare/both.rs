@@ -85,5 +85,6 @@ fn crosses_border(compute: &mut compute::Renderer, pass: &Pass) -> Result<bool> 
     let draws = pass.draws.iter().map(whole).collect();
     let pass = Pass { extent: Extent::new(1, 1), draws, ..pass.clone() };
     let (_, trace) = compute.trace(&pass)?;
+    let pass = pass.snapshot()?;
     Ok(any_crosses(reference::corners(&pass, &trace.positions)))
 }

@@ -170,7 +170,7 @@ impl Slots for TableSlots<'_> {
         let (uploaded, window) = (self.resources.buffer(buffer)?, 1 << abi::WINDOW_LOG2);
         if uploaded.bytes() > u64::from(u32::MAX) {
             return Err(Error::Capacity {
-                what: format!("buffer `{}`", buffer.label),
+                what: format!("buffer `{}`", buffer.label()),
                 wanted: uploaded.bytes(),
                 limit_of: "vertices and indices".into(),
                 limit: u32::MAX.into(),

@@ -11,7 +11,7 @@ use crate::{
     trace::{BatchTrace, Parts, Positions, Primitive, Trace, Triangle, Vertex},
     vk::Recorder,
 };
-use std::{collections::HashMap, sync::Arc};
+use std::{borrow::Cow, collections::HashMap, sync::Arc};
 
 impl Setup {
     /// `tables` has for each resource table its index and vertex buffers, by the first of their slots.
@@ -22,6 +22,7 @@ impl Setup {
         tables: Vec<HashMap<u32, Arc<Buffer>>>,
     ) -> Result<(Frame, Trace)> {
         let (mut shaded, mut bands) = (Vec::new(), Vec::new());
+        let tables: Vec<_> = tables.iter().map(contents).collect::<Result<_>>()?;
         let (gpu, buffers) = self.parts();
         for (band, target) in self.bands.iter().zip(self.targets()) {
             let mut batches = Vec::new();
@@ -79,8 +80,8 @@ impl Setup {
 struct Names<'a> {
     plan: &'a Plan,
     batch: &'a BatchPlan,
-    /// Index buffers by the first of their slots.
-    buffers: &'a HashMap<u32, Arc<Buffer>>,
+    /// The content of index buffers by the first of their slots.
+    buffers: &'a HashMap<u32, Cow<'a, [u8]>>,
 }
 
 impl Names<'_> {
@@ -180,9 +181,14 @@ impl Names<'_> {
         }
         let bytes = piece.index_bytes as usize;
         let at = element as usize * bytes;
-        let value = self.buffers[&piece.index_slot].bytes.get(at..at + bytes).unwrap_or_default();
+        let value = self.buffers[&piece.index_slot].get(at..at + bytes).unwrap_or_default();
         value.iter().rev().fold(0, |all, &byte| all << 8 | u32::from(byte))
     }
+}
+
+/// The content of each of `buffers`.
+fn contents(buffers: &HashMap<u32, Arc<Buffer>>) -> Result<HashMap<u32, Cow<'_, [u8]>>> {
+    buffers.iter().map(|(&slot, buffer)| Ok((slot, buffer.content()?))).collect()
 }
 
 /// The elements of primitive `k` of an instance, as `glsl/lib/assembly.glsl` has them.

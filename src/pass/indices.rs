@@ -26,20 +26,25 @@ pub struct IndexRanges {
 const FEW: usize = 1 << 16;
 
 impl IndexRanges {
-    /// Smallest and largest index among `elements`, which are not empty and lie in the buffer.
-    pub fn of(&mut self, indices: &Indices, elements: Range<u64>) -> (u32, u32) {
-        let Indices { range, format } = indices;
+    /// Smallest and largest index among `elements`, which are not empty and lie in the buffer: those that the
+    /// caller declares, or those that the host finds there. `None` if only the device can know.
+    pub fn of(&mut self, indices: &Indices, elements: Range<u64>) -> Option<(u32, u32)> {
+        let Indices { range, format, vertices } = indices;
+        if let Some(declared) = vertices {
+            return Some((*declared.start(), *declared.end()));
+        }
+        let bytes = range.buffer.host_bytes()?;
         let address = Arc::as_ptr(&range.buffer) as usize;
         let key = (address, range.offset, elements.start, elements.end, *format);
         if let Some((_, found)) = self.known.get(&key) {
-            return *found;
+            return Some(*found);
         }
         self.sweep();
         let first = range.offset + elements.start as usize * format.bytes();
         let end = range.offset + elements.end as usize * format.bytes();
-        let found = extent(&range.buffer.bytes[first..end], *format);
+        let found = extent(&bytes[first..end], *format);
         self.known.insert(key, (Arc::downgrade(&range.buffer), found));
-        found
+        Some(found)
     }
 
     /// Forgets the runs of buffers that are gone, once there are twice as many runs as the last sweep
@@ -81,8 +86,8 @@ mod tests {
 
     fn indices(values: &[u16]) -> Indices {
         let bytes = bytemuck::cast_slice(values).to_vec();
-        let buffer = Arc::new(Buffer { label: "indices".into(), bytes });
-        Indices { range: BufferRange::whole(&buffer), format: IndexFormat::U16 }
+        let buffer = Arc::new(Buffer::new("indices", bytes));
+        Indices::new(BufferRange::whole(&buffer), IndexFormat::U16)
     }
 
     #[test]
@@ -105,7 +110,7 @@ mod tests {
         for n in 0..3 * FEW {
             let value = (n % 1000) as u16;
             let found = ranges.of(&indices(&[value + 5, value]), 0..2);
-            assert_eq!(found, (value.into(), u32::from(value) + 5));
+            assert_eq!(found, Some((value.into(), u32::from(value) + 5)));
         }
         assert!(ranges.known.len() <= FEW, "{} runs are remembered", ranges.known.len());
     }

@@ -185,7 +185,7 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
     }
     if let Some(range) = block {
         check_range(range)?;
-        let label = &range.buffer.label;
+        let label = range.buffer.label();
         if range.offset % BLOCK_ALIGNMENT != 0 {
             let offset = range.offset;
             return Err(format!(
@@ -195,6 +195,14 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
         }
         if range.bytes == 0 {
             return Err(format!("no bytes of buffer `{label}`; a block is bound to one at least"));
+        }
+        // `compute` puts zeros behind a shorter range of the host.
+        let (device, wanted) = (range.buffer.device_memory().is_some(), resource.bytes as usize);
+        if kind == ResourceKind::Uniform && device && range.bytes < wanted {
+            let bytes = range.bytes;
+            return Err(format!(
+                "{bytes} bytes of buffer `{label}`, which lives on a device; the block has {wanted}"
+            ));
         }
     }
     match texture {
@@ -230,8 +238,8 @@ fn check_texture(texture: &Texture) -> Fault {
 
 fn check_range(range: &BufferRange) -> Fault {
     let BufferRange { buffer, offset, bytes } = range;
-    if offset.checked_add(*bytes).is_none_or(|end| end > buffer.bytes.len()) {
-        let (label, all) = (&buffer.label, buffer.bytes.len());
+    if offset.checked_add(*bytes).is_none_or(|end| end > buffer.len()) {
+        let (label, all) = (buffer.label(), buffer.len());
         return Err(format!("{bytes} bytes from {offset} on of buffer `{label}`, which has {all}"));
     }
     Ok(())
@@ -264,8 +272,17 @@ fn check_vertices(draw: &Draw, pipeline: &Pipeline, ranges: &mut IndexRanges) ->
             }
             let elements = u64::from(draw.first)..u64::from(draw.first) + u64::from(draw.count);
             let (base, read) = (i64::from(draw.base_vertex), !elements.is_empty());
-            read.then(|| ranges.of(indices, elements))
-                .map(|(low, high)| (base + i64::from(low), base + i64::from(high)))
+            if let Some(range) = &indices.vertices
+                && range.is_empty()
+            {
+                return Err(format!("its indices are declared as {range:?}, which are none"));
+            }
+            match read.then(|| ranges.of(indices, elements)) {
+                None => None,
+                Some(Some((low, high))) => Some((base + i64::from(low), base + i64::from(high))),
+                // Nobody knows which vertices the draw reads; executors keep to the ranges that are bound.
+                Some(None) => Some((0, 0)),
+            }
         }
         None => draw
             .count
@@ -304,14 +321,16 @@ fn check_vertices(draw: &Draw, pipeline: &Pipeline, ranges: &mut IndexRanges) ->
             return Err(format!(
                 "attribute {} of {what} {element} ends at byte {end} of binding {n} (buffer `{}`), \
                  which has {}",
-                attribute.location, range.buffer.label, range.bytes
+                attribute.location,
+                range.buffer.label(),
+                range.bytes
             ));
         }
         if range.offset % attribute.format.component.bytes() != 0 {
             return Err(format!(
                 "binding {n} starts at byte {} of buffer `{}`; attribute {} has {}-byte components",
                 range.offset,
-                range.buffer.label,
+                range.buffer.label(),
                 attribute.location,
                 attribute.format.component.bytes()
             ));

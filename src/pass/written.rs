@@ -4,11 +4,12 @@ use super::{Binding, Buffer, Pass};
 use std::{collections::HashSet, sync::Arc};
 
 impl Pass {
-    /// The buffers of storage blocks that some shader may write, each once.
+    /// The host's buffers in storage blocks that some shader may write, each once.
     ///
-    /// What a shader writes is not visible outside the pass: a buffer of the host never changes. So executors
-    /// give all storage blocks of the pass that lie in such a buffer a copy of it. Vertices, indices and uniform
-    /// blocks keep the host's bytes, which validation has read. Expects a valid pass.
+    /// A buffer of the host never changes: what a shader writes into it is not visible outside the pass. So
+    /// executors give all storage blocks of the pass that lie in such a buffer a copy of it. Vertices, indices and
+    /// uniform blocks keep the host's bytes, which validation has read. Buffers of a device are not among them:
+    /// shaders write them in place. Expects a valid pass.
     pub(crate) fn written_buffers(&self) -> Vec<Arc<Buffer>> {
         let (mut found, mut known) = (Vec::new(), HashSet::new());
         for draw in &self.draws {
@@ -21,6 +22,7 @@ impl Pass {
                     let bound = entries.filter(|entry| entry.binding == resource.binding);
                     for binding in bound.flat_map(|entry| &entry.resources) {
                         if let Binding::Storage(range) = binding
+                            && range.buffer.host_bytes().is_some()
                             && known.insert(Arc::as_ptr(&range.buffer))
                         {
                             found.push(range.buffer.clone());

@@ -4,7 +4,7 @@ use super::{PipelineInfo, Planner};
 use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
-    pass::{Draw, Pipeline},
+    pass::{Draw, Pipeline, VertexAttribute},
     state::{Blend, Topology},
 };
 use std::ops::Range;
@@ -215,6 +215,7 @@ impl Planner<'_> {
                 slot: self.slots.buffer(&range.buffer)?,
                 offset: range.offset as u32 + attribute.offset,
                 stride: binding.stride,
+                last: last_element(range.bytes, attribute, binding.stride),
             });
         }
         let base = self.plan.attributes.len();
@@ -242,23 +243,26 @@ impl Planner<'_> {
         } else {
             0..per_instance
         };
-        let (low, high) = self.vertex_range(draw, pipeline.topology, within);
         let count = primitives.end - primitives.start;
         let per_corner = 3 * u64::from(count);
-        let span = u64::from(high - low) + 1;
-        let ranged = span * (u64::from(last - first) + 1);
         let piece = Piece { first_in_draw: primitives.start, ..template };
-        let (piece, slots) = if ranged <= per_corner.min(u64::from(u32::MAX)) {
-            let piece = Piece {
-                vertex_mode: abi::VERTEX_RANGED,
-                vertex_min: low,
-                vertices_per_instance: span as u32,
-                instance_min: first,
-                ..piece
-            };
-            (piece, ranged)
-        } else {
-            (Piece { vertex_mode: abi::VERTEX_PER_CORNER, ..piece }, per_corner)
+        // Vertex slots of a range of vertices, for each instance.
+        let ranged = self.vertex_range(draw, pipeline.topology, within).map(|(low, high)| {
+            let span = u64::from(high - low) + 1;
+            (low, span, span * (u64::from(last - first) + 1))
+        });
+        let (piece, slots) = match ranged {
+            Some((low, span, slots)) if slots <= per_corner.min(u64::from(u32::MAX)) => {
+                let piece = Piece {
+                    vertex_mode: abi::VERTEX_RANGED,
+                    vertex_min: low,
+                    vertices_per_instance: span as u32,
+                    instance_min: first,
+                    ..piece
+                };
+                (piece, slots)
+            }
+            _ => (Piece { vertex_mode: abi::VERTEX_PER_CORNER, ..piece }, per_corner),
         };
         // So many slots never fit a batch.
         let whole = |slots: u64| u32::try_from(slots).unwrap_or(u32::MAX);
@@ -266,8 +270,14 @@ impl Planner<'_> {
         Ok((piece, whole(slots.next_multiple_of(u64::from(abi::QUAD)))))
     }
 
-    /// Smallest and largest vertex of the primitives `within` one instance.
-    fn vertex_range(&mut self, draw: &Draw, topology: Topology, within: Range<u32>) -> (u32, u32) {
+    /// Smallest and largest vertex of the primitives `within` one instance, before the base vertex is added; `None`
+    /// if only the device can know them.
+    fn vertex_range(
+        &mut self,
+        draw: &Draw,
+        topology: Topology,
+        within: Range<u32>,
+    ) -> Option<(u32, u32)> {
         let elements = match topology {
             Topology::TriangleList => 3 * within.start..3 * within.end,
             Topology::TriangleStrip => within.start..within.end + 2,
@@ -279,15 +289,22 @@ impl Planner<'_> {
                 self.ranges.of(indices, element(elements.start)..element(elements.end))
             }
             // The last vertex may be the last there is: its number plus 1 has no room.
-            None => (draw.first + elements.start, draw.first + (elements.end - 1)),
+            None => Some((draw.first + elements.start, draw.first + (elements.end - 1))),
         };
-        let (mut low, mut high) = of(elements);
+        let (low, high) = of(elements)?;
         if topology == Topology::TriangleFan {
-            let (hub, _) = of(0..1);
-            (low, high) = (low.min(hub), high.max(hub));
+            let (hub, _) = of(0..1)?;
+            return Some((low.min(hub), high.max(hub)));
         }
-        (low, high)
+        Some((low, high))
     }
+}
+
+/// The last element of a range of `bytes` that `attribute` can read, at least one by validation.
+fn last_element(bytes: usize, attribute: &VertexAttribute, stride: u32) -> u32 {
+    let of_one = attribute.offset as usize + attribute.format.bytes();
+    let last = bytes.saturating_sub(of_one).checked_div(stride as usize);
+    last.map_or(u32::MAX, |last| u32::try_from(last).unwrap_or(u32::MAX))
 }
 
 /// First and last pixel whose centre lies in `start..start + length`.

@@ -22,7 +22,7 @@ pub struct Assembled {
     pub window: Window,
 }
 
-/// All primitives of `pass`, which is valid.
+/// All primitives of `pass`, which is valid and a snapshot.
 pub fn run(pass: &Pass) -> impl Iterator<Item = Assembled> {
     pass.draws.iter().enumerate().flat_map(move |(number, draw)| {
         let window = Window::of(pass, draw);
@@ -62,7 +62,7 @@ fn elements(topology: Topology, i: u32) -> [u32; 3] {
 fn vertex_index(draw: &Draw, element: u32) -> u32 {
     let element = draw.first + element;
     let Some(indices) = &draw.indices else { return element };
-    let bytes = &indices.range.buffer.bytes[indices.range.offset..][..indices.range.bytes];
+    let bytes = indices.range.host_bytes().expect("a snapshot lies on the host");
     let index = match indices.format {
         IndexFormat::U16 => u32::from(u16::from_ne_bytes(bytes.as_chunks().0[element as usize])),
         IndexFormat::U32 => u32::from_ne_bytes(bytes.as_chunks().0[element as usize]),
@@ -94,11 +94,11 @@ mod tests {
     fn the_base_vertex_is_added_to_indices_only() {
         assert_eq!(vertex_index(&draw(7, 100, None), 2), 9);
         let bytes: Vec<u8> = [1u32, 2, 3, 40, 50, 60].map(u32::to_ne_bytes).concat();
-        let buffer = Arc::new(Buffer { label: "indices".into(), bytes });
+        let buffer = Arc::new(Buffer::new("indices", bytes));
         let range = BufferRange { buffer, offset: 8, bytes: 16 };
-        let wide = Indices { range: range.clone(), format: IndexFormat::U32 };
+        let wide = Indices::new(range.clone(), IndexFormat::U32);
         assert_eq!(vertex_index(&draw(1, -5, Some(wide)), 2), 55);
-        let narrow = Indices { range, format: IndexFormat::U16 };
+        let narrow = Indices::new(range, IndexFormat::U16);
         let element = if cfg!(target_endian = "little") { 0 } else { 1 };
         assert_eq!(vertex_index(&draw(2, 0, Some(narrow)), element), 40);
     }

@@ -40,7 +40,7 @@ impl Input<'_> {
     }
 }
 
-/// The clip-space corners of the primitives of `pass`, which is valid. A vertex that `positions` lacks has coordinates that are no
+/// The clip-space corners of the primitives of `pass`, which is valid and a snapshot. A vertex that `positions` lacks has coordinates that are no
 /// numbers.
 pub(crate) fn corners(pass: &Pass, positions: &Positions) -> impl Iterator<Item = [[f32; 4]; 3]> {
     assembly::run(pass).map(|assembled| primitive::corners(positions, &assembled))
@@ -49,10 +49,13 @@ pub(crate) fn corners(pass: &Pass, positions: &Positions) -> impl Iterator<Item 
 /// The first difference between `trace`, which a device left of `pass`, and what every stage should have written;
 /// as a sentence that names the primitive. Visibility and depth take every fragment for drawn, as if no shader
 /// discarded any or wrote a depth of its own. A pass that contradicts itself differs from every trace.
+///
+/// Takes the resources of a device as they are now. So they should be as they were when the trace was made.
 pub fn first_difference(pass: &Pass, trace: &Trace) -> Option<String> {
-    if let Err(error) = pass.validate() {
-        return Some(error.to_string());
-    }
+    let pass = match pass.validate().and_then(|()| pass.snapshot()) {
+        Ok(pass) => pass,
+        Err(error) => return Some(error.to_string()),
+    };
     if let Some(vertex) = trace.positions.contradiction() {
         return Some(format!("vertex: {vertex} has several positions"));
     }
@@ -61,7 +64,7 @@ pub fn first_difference(pass: &Pass, trace: &Trace) -> Option<String> {
         return Some(format!("{} bands against {}", trace.bands.len(), bands.len()));
     }
     bands.iter().zip(&trace.bands).find_map(|(grid, batches)| {
-        let found = difference_in_band(pass, grid, &trace.positions, batches)?;
+        let found = difference_in_band(&pass, grid, &trace.positions, batches)?;
         Some(format!("band at row {}, {found}", grid.origin_y))
     })
 }

@@ -185,7 +185,7 @@ pub(super) fn binding_sets(
         let block = Block::new(material);
         slot[..size_of::<Block>()].copy_from_slice(bytemuck::bytes_of(&block));
     }
-    let buffer = Arc::new(Buffer { label: format!("{label} materials"), bytes });
+    let buffer = Arc::new(Buffer::new(format!("{label} materials"), bytes));
     let set = |(i, material): (usize, &Material)| {
         let block = BufferRange {
             buffer: buffer.clone(),

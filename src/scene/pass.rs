@@ -162,7 +162,7 @@ impl Scene {
             vertex_buffers,
             indices: part
                 .indices
-                .map(|(slice, format)| Indices { range: slice.range(&self.chunks), format }),
+                .map(|(slice, format)| Indices::new(slice.range(&self.chunks), format)),
             instances: item.instances.map_or(1, |(_, count)| count),
             ..Draw::new(item.pipeline, part.count)
         })

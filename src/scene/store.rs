@@ -76,7 +76,7 @@ impl Store {
     pub fn finish(self, label: &str) -> Vec<Arc<Buffer>> {
         let buffer = |(i, mut bytes): (usize, Vec<u8>)| {
             bytes.shrink_to_fit();
-            Arc::new(Buffer { label: format!("{label} geometry {i}"), bytes })
+            Arc::new(Buffer::new(format!("{label} geometry {i}"), bytes))
         };
         self.chunks.into_iter().enumerate().map(buffer).collect()
     }
@@ -98,7 +98,7 @@ mod tests {
         for (slice, value) in [(b, 4), (large, 5), (c, 6)] {
             let range = slice.range(&chunks);
             assert_eq!(range.offset % ALIGN, 0);
-            let bytes = &range.buffer.bytes[range.offset..range.offset + range.bytes];
+            let bytes = range.host_bytes().expect("a scene lies on the host");
             assert!(bytes.iter().all(|&v| v == value) && bytes.len() == slice.bytes);
         }
         assert_eq!(chunks.len(), 3);

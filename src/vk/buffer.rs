@@ -3,6 +3,7 @@
 use super::{
     error::{capacity, no_memory},
     gpu::{Gpu, Shared},
+    recorder::Recorder,
 };
 use crate::error::{Error, Result};
 use ash::vk;
@@ -205,6 +206,17 @@ impl<T: Pod> Buffer<T> {
             content.set_len(filled + self.len);
         }
         Ok(())
+    }
+
+    /// The present content, whatever memory it is in: copied by the device, and waited for.
+    ///
+    /// # Errors
+    /// As [`super::Recording::run`], and [`Error::Capacity`] without memory for the copy.
+    pub fn download(&self) -> Result<Vec<T>> {
+        let mut recorder = Recorder::new(&Gpu(self.raw.gpu.clone()), "download")?;
+        let copy = recorder.download(self)?;
+        recorder.submit()?;
+        copy.read()
     }
 
     /// The same bytes as elements of another type.

@@ -29,7 +29,7 @@ impl Copies {
         let mut all = HashMap::new();
         for buffer in pass.written_buffers() {
             let original = resources.buffer(&buffer)?;
-            let copy = Buffer::new(gpu, &buffer.label, original.len(), Memory::Device)?;
+            let copy = Buffer::new(gpu, buffer.label(), original.len(), Memory::Device)?;
             all.insert(Arc::as_ptr(&buffer), [original, copy]);
         }
         Ok(Self { all })

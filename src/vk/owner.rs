@@ -4,8 +4,13 @@
 //! do not. So every function that uses two handles together calls [`same_device`] first.
 
 use super::{
-    buffer::Buffer, gpu::Shared, image::Image, kernel::Kernel, recorder::Recorder,
-    sampler::Sampler, table::ResourceTable,
+    buffer::Buffer,
+    gpu::{Gpu, Shared},
+    image::Image,
+    kernel::Kernel,
+    recorder::Recorder,
+    sampler::Sampler,
+    table::ResourceTable,
 };
 use crate::error::{Error, Result};
 use bytemuck::Pod;
@@ -34,6 +39,15 @@ pub(super) fn same_device(a: &dyn Owned, b: &dyn Owned) -> Result<()> {
         b.title(),
         device(b)
     )))
+}
+
+impl Owned for Gpu {
+    fn owner(&self) -> &Shared {
+        &self.0
+    }
+    fn title(&self) -> String {
+        "an executor".into()
+    }
 }
 
 impl<T: Pod> Owned for Buffer<T> {

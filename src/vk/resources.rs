@@ -11,6 +11,7 @@ use super::{
     buffer::{Buffer, Memory},
     gpu::Gpu,
     image::{Image, ImageInfo, ImageUse},
+    owner::same_device,
     recorder::Recorder,
     sampler::Sampler,
 };
@@ -72,16 +73,23 @@ impl Resources {
         }
     }
 
-    /// The upload of `buffer`.
+    /// The upload of `buffer`, or its own memory if it lives on the device.
     ///
     /// # Errors
-    /// [`crate::Error::Capacity`] without memory for it.
+    /// [`crate::Error::Capacity`] without memory for it; [`crate::Error::Usage`] if it lives on another device.
     pub fn buffer(&mut self, buffer: &Arc<pass::Buffer>) -> Result<Buffer<u8>> {
+        let content = match (buffer.device_memory(), buffer.host_bytes()) {
+            (Some(memory), _) => {
+                same_device(&self.gpu, memory)?;
+                return Ok(memory.clone());
+            }
+            (None, content) => content.unwrap_or_default(),
+        };
         let address = Arc::as_ptr(buffer) as usize;
         if let Some((_, uploaded)) = self.buffers.get(&address) {
             return Ok(uploaded.clone());
         }
-        let uploaded = self.upload(&buffer.label, &buffer.bytes)?;
+        let uploaded = self.upload(buffer.label(), content)?;
         self.buffers.insert(address, (Arc::downgrade(buffer), uploaded.clone()));
         Ok(uploaded)
     }
@@ -101,9 +109,9 @@ impl Resources {
         if let Some((_, uploaded)) = self.padded.get(&key) {
             return Ok(uploaded.clone());
         }
-        let mut content = buffer.bytes.get(whole).unwrap_or_default().to_vec();
+        let mut content = buffer.content()?.get(whole).unwrap_or_default().to_vec();
         content.resize(block, 0);
-        let uploaded = self.upload(&format!("{} and zeros", buffer.label), &content)?;
+        let uploaded = self.upload(&format!("{} and zeros", buffer.label()), &content)?;
         self.padded.insert(key, (Arc::downgrade(buffer), uploaded.clone()));
         Ok(uploaded)
     }

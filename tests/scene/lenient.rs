@@ -166,7 +166,7 @@ fn specular_and_glossiness_reach_the_shader() {
     let Binding::Uniform(block) = &pass.draws[0].sets[1].entries[0].resources[0] else {
         panic!("the material's block comes first");
     };
-    let bytes = &block.buffer.bytes[block.offset..block.offset + block.bytes];
+    let bytes = block.host_bytes().unwrap();
     let float = |at: usize| f32::from_le_bytes(bytes[at * 4..at * 4 + 4].try_into().unwrap());
     assert_eq!([0, 1, 2].map(float), [0.1, 0.2, 0.3]);
     assert_eq!([12, 13, 14, 15].map(float), [1.0, 0.75, 0.25, 0.5]);

@@ -69,7 +69,7 @@ pub fn positions(draw: &Draw) -> Vec<Vec3> {
 /// Positions that a draw reads, in the order it reads them, in clip space.
 pub fn clip_positions(draw: &Draw) -> Vec<DVec4> {
     let range = &draw.vertex_buffers[0];
-    let bytes = &range.buffer.bytes[range.offset..range.offset + range.bytes];
+    let bytes = range.host_bytes().unwrap();
     let to_clip = to_clip(draw);
     let at = |i: usize| {
         let f = |k: usize| f32::from_le_bytes(bytes[i * 12 + k..][..4].try_into().unwrap());
@@ -78,7 +78,7 @@ pub fn clip_positions(draw: &Draw) -> Vec<DVec4> {
     match &draw.indices {
         None => (0..draw.count as usize).map(at).collect(),
         Some(indices) => {
-            let list = &indices.range.buffer.bytes[indices.range.offset..][..indices.range.bytes];
+            let list = indices.range.host_bytes().unwrap();
             let width = indices.format.bytes();
             let index = |b: &[u8]| b.iter().rev().fold(0, |n, &b| n << 8 | b as usize);
             list.chunks_exact(width).map(|b| at(index(b))).collect()
@@ -274,7 +274,7 @@ fn polygons_and_missing_files_of_obj() {
     let Binding::Uniform(block) = &pass.draws[0].sets[1].entries[0].resources[0] else {
         panic!("the material's block comes first");
     };
-    let color: &[u8] = &block.buffer.bytes[block.offset..block.offset + 16];
+    let color: &[u8] = &block.host_bytes().unwrap()[..16];
     assert_eq!(color[0..4], 1f32.to_le_bytes());
     assert_eq!(color[12..16], 0.5f32.to_le_bytes());
 }

@@ -18,7 +18,7 @@ pub fn check(pass: &Pass) {
 }
 
 fn inside(range: &BufferRange) -> &[u8] {
-    &range.buffer.bytes[range.offset..range.offset + range.bytes]
+    range.host_bytes().unwrap()
 }
 
 /// Indices of a draw, widened.

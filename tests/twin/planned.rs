@@ -35,7 +35,7 @@ fn pass() -> Pass {
             ..Pipeline::new("planned", vertex.clone(), fragment.clone())
         })
     };
-    let buffer = |label: &str, bytes| Arc::new(Buffer { label: label.into(), bytes });
+    let buffer = |label: &str, bytes| Arc::new(Buffer::new(label, bytes));
     // Vertices of a zigzag, each in a place of its own. Two more than are bound follow.
     let zigzag = |z: f32| {
         let corner = |i: u8| {
@@ -54,10 +54,10 @@ fn pass() -> Pass {
     let mut middle = draw(1, 6, 0.4);
     let indices: [u32; 10] = [1, 2, 0, 3, 4, 1, 5, 2, 6, 7];
     let indices = buffer("indices", bytemuck::cast_slice(&indices).to_vec());
-    middle.indices = Some(Indices {
-        range: BufferRange { buffer: indices, offset: 4, bytes: 4 * 8 },
-        format: IndexFormat::U32,
-    });
+    middle.indices = Some(Indices::new(
+        BufferRange { buffer: indices, offset: 4, bytes: 4 * 8 },
+        IndexFormat::U32,
+    ));
     middle.base_vertex = 1;
     middle.instances = 2;
     middle.first_instance = 3;

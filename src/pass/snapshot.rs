@@ -1,0 +1,82 @@
+//! A pass whose resources live on a device, as plain data of the host.
+
+use super::{Binding, BindingSet, Buffer, BufferRange, Pass};
+use crate::error::Result;
+use std::{borrow::Cow, collections::HashMap, sync::Arc};
+
+impl Pass {
+    /// The same pass with all its resources on the host, as they are at this moment. The reference draws such passes,
+    /// and so does any device. A pass that binds nothing of a device is returned as it is.
+    ///
+    /// # Errors
+    /// As [`Buffer::content`].
+    pub fn snapshot(&self) -> Result<Cow<'_, Pass>> {
+        if !self.uses_device() {
+            return Ok(Cow::Borrowed(self));
+        }
+        let mut copied = Copied::default();
+        let mut pass = self.clone();
+        for draw in &mut pass.draws {
+            let indices = draw.indices.iter_mut().map(|indices| &mut indices.range);
+            draw.vertex_buffers.iter_mut().chain(indices).try_for_each(|r| copied.range(r))?;
+            draw.sets.iter_mut().try_for_each(|set| copied.set(set))?;
+        }
+        Ok(Cow::Owned(pass))
+    }
+
+    fn uses_device(&self) -> bool {
+        let is_there = |range: &BufferRange| range.buffer.device_memory().is_some();
+        self.draws.iter().any(|draw| {
+            draw.vertex_buffers.iter().any(is_there)
+                || draw.indices.as_ref().is_some_and(|indices| is_there(&indices.range))
+                || draw.sets.iter().any(|set| ranges(set).any(is_there))
+        })
+    }
+}
+
+fn ranges(set: &BindingSet) -> impl Iterator<Item = &BufferRange> {
+    set.entries.iter().flat_map(|entry| &entry.resources).filter_map(|binding| match binding {
+        Binding::Uniform(range) | Binding::Storage(range) => Some(range),
+        Binding::Sampled(..) | Binding::Texture(_) | Binding::Sampler(_) => None,
+    })
+}
+
+/// What was copied already, so that draws share it as before. The keys are addresses of what the pass holds.
+#[derive(Default)]
+struct Copied {
+    buffers: HashMap<*const Buffer, Arc<Buffer>>,
+    sets: HashMap<*const BindingSet, Arc<BindingSet>>,
+}
+
+impl Copied {
+    fn range(&mut self, range: &mut BufferRange) -> Result<()> {
+        let address = Arc::as_ptr(&range.buffer);
+        if let Some(copy) = self.buffers.get(&address) {
+            range.buffer = copy.clone();
+        } else if range.buffer.device_memory().is_some() {
+            let content = range.buffer.content()?.into_owned();
+            let copy = Arc::new(Buffer::new(range.buffer.label(), content));
+            self.buffers.insert(address, copy.clone());
+            range.buffer = copy;
+        }
+        Ok(())
+    }
+
+    fn set(&mut self, set: &mut Arc<BindingSet>) -> Result<()> {
+        let address = Arc::as_ptr(set);
+        if let Some(copy) = self.sets.get(&address) {
+            *set = copy.clone();
+            return Ok(());
+        }
+        let mut copy = BindingSet::clone(set);
+        for binding in copy.entries.iter_mut().flat_map(|entry| &mut entry.resources) {
+            if let Binding::Uniform(range) | Binding::Storage(range) = binding {
+                self.range(range)?;
+            }
+        }
+        let copy = Arc::new(copy);
+        self.sets.insert(address, copy.clone());
+        *set = copy;
+        Ok(())
+    }
+}
