@@ -11,7 +11,7 @@
 //!   right coverage, depth and primitive ids. It runs no shaders: from a trace of [`compute`] it takes the
 //!   vertices' clip-space positions and where each batch ends, and everything else from the pass.
 //!
-//! Everything else ([`scene`], [`compare`], `bench`, [`cli`]) uses these types like any other program. The engine
+//! Everything else ([`compare`], `scene`, `bench`, `cli`) uses these types like any other program. The engine
 //! contains no shading of its own: a glTF material is an ordinary pair of shaders too.
 //!
 //! # Code map
@@ -27,19 +27,20 @@
 //! | [`mod@reference`], [`trace`] | the CPU's own plan and the stages' twins; every intermediate of a frame, to be compared |
 //! | [`classic`] | the same pass through the device's graphics pipeline |
 //! | [`vk`] | devices, memory, kernels, and the only thing that dispatches |
-//! | [`scene`] | glTF, OBJ and built-in scenes as passes |
 //! | [`compare`] | whether two executors drew the same picture |
-//! | `bench` | which of two executors draws a pass faster |
-//! | [`cli`] | the `tilewright` tool |
+//! | `scene` | glTF, OBJ and built-in scenes as passes (feature `scene`) |
+//! | `bench` | which of two executors draws a pass faster (feature `scene`) |
+//! | `cli` | the `tilewright` tool (feature `cli`) |
 //!
 //! Dependencies point one way: `cli` to `scene`, `bench` and `compare`, these to the vocabulary, the executors to
 //! the vocabulary and to `vk`. To follow a triangle, start at [`compute`] and read its stages in order.
 //!
 //! # Features
 //!
-//! `cli` (on by default) is the tool with its dependencies. `glsl` compiles users' GLSL at run time by the
-//! system's libshaderc, `glsl-bundled` by a compiler that is built with the crate. With neither, users hand in
-//! their shaders as SPIR-V; the crate's own shaders are always SPIR-V.
+//! Without features the crate is the engine: it draws passes. `scene` adds the modules `scene` and `bench`, and what
+//! reads glTF, PNG and JPEG. `cli` (on by default) adds the tool and implies `scene`. `glsl` compiles users' GLSL at
+//! run time by the system's libshaderc, `glsl-bundled` by a compiler that is built with the crate. With neither, users
+//! hand in their shaders as SPIR-V; the crate's own shaders are always SPIR-V.
 //!
 //! # Invariants, as things that are absent
 //!
@@ -58,6 +59,7 @@
 mod shared;
 
 pub mod abi;
+#[cfg(feature = "scene")]
 pub mod bench;
 mod cache;
 pub mod classic;
@@ -74,8 +76,10 @@ mod load_spirv;
 pub mod pass;
 pub mod plan;
 mod prebuilt;
+#[cfg(feature = "scene")]
 mod random;
 pub mod reference;
+#[cfg(feature = "scene")]
 pub mod scene;
 pub mod shader;
 pub mod state;

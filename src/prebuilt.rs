@@ -48,6 +48,7 @@ pub const SHADE: &[u32] = file!("shade.comp");
 pub const ORDERED: &[u32] = file!("ordered.comp");
 
 /// All kernels.
+#[cfg_attr(not(feature = "scene"), allow(dead_code))] // for `bench`, and for tests
 pub const KERNELS: &[&[u32]] = &[
     BINNING_SCAN,
     BINNING_SCATTER,
@@ -61,6 +62,7 @@ pub const KERNELS: &[&[u32]] = &[
 ];
 
 /// The scenes' shader pair, and its fragment shader with `ALPHA_MASK`.
+#[cfg(feature = "scene")]
 pub mod scene {
     use super::words;
 
@@ -73,6 +75,7 @@ pub mod scene {
 pub const ID: &[u32] = file!("id.frag");
 
 /// The benchmark's shaders.
+#[cfg(feature = "scene")]
 pub mod bench {
     use super::words;
 

@@ -375,6 +375,41 @@ fn every_dependency_says_why() {
     report("a dependency without a reason above it:", &faults);
 }
 
+/// Whoever leaves out a feature does not wait for its crates.
+#[test]
+fn a_build_waits_for_no_crate_of_a_feature_that_is_off() {
+    let cpp = ["cc", "cmake", "glslang", "shaderc"];
+    let tool = ["clap", "clap_complete", "clap_mangen", "indicatif", "signal-hook"];
+    let scene =
+        ["bevy_mikktspace", "glam", "gltf-json", "humantime", "image", "indexmap", "serde_derive"];
+    let lock = fs::read_to_string(root().join("Cargo.lock")).unwrap();
+    let mut faults = Vec::new();
+    for (features, absent) in [
+        ("", &[&cpp[..]][..]),
+        ("--no-default-features --features scene", &[&cpp, &tool]),
+        ("--no-default-features", &[&cpp, &tool, &scene]),
+    ] {
+        let output = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()))
+            .args(["tree", "--locked", "--offline", "--edges=normal,build", "--prefix=none"])
+            .args(features.split_whitespace())
+            .current_dir(root())
+            .output()
+            .unwrap();
+        let tree = String::from_utf8_lossy(&output.stdout);
+        assert!(tree.starts_with("tilewright v"), "{}", String::from_utf8_lossy(&output.stderr));
+        for name in absent.iter().copied().flatten() {
+            assert!(
+                lock.contains(&format!("\nname = \"{name}\"\n")),
+                "no crate has the name {name}"
+            );
+            if tree.lines().any(|line| line.split(' ').next() == Some(name)) {
+                faults.push(format!("{name}, in a build with '{features}'"));
+            }
+        }
+    }
+    report("a crate that belongs to a feature is optional:", &faults);
+}
+
 #[test]
 fn every_module_of_the_suite_runs() {
     let main = fs::read_to_string(root().join("tests/main.rs")).unwrap();

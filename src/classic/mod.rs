@@ -87,6 +87,7 @@ impl Renderer {
     /// Records the draws of `pass` anew into `prepared`, which keeps its targets. A program does the same in
     /// each frame. The pass is not validated, since such a program would not pay for that either: it must
     /// be valid and have the extent and the formats of the pass that was prepared.
+    #[cfg(feature = "scene")] // for `bench`
     pub(crate) fn record_again(&mut self, prepared: &mut Prepared, pass: &Pass) -> Result<()> {
         let compiled = self.compiled(pass)?;
         prepared.record(&self.gpu, &mut self.resources, pass, &compiled)

@@ -47,6 +47,7 @@ impl Prepared {
     }
 
     /// Replaces the draws by those of `pass`, whose targets are those that are here.
+    #[cfg(feature = "scene")] // for `bench`
     pub(super) fn record(
         &mut self,
         gpu: &Gpu,

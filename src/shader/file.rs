@@ -171,7 +171,7 @@ mod tests {
     fn modules_are_taken_from_files() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("module.spv");
-        let words = crate::prebuilt::scene::FRAGMENT;
+        let words = crate::prebuilt::ID;
         let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
         std::fs::write(&path, &bytes).unwrap();
         assert!(is_shader(&path));
