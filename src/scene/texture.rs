@@ -206,6 +206,9 @@ pub(super) fn height_to_normal(extent: Extent, texels: &[u8], strength: f32) -> 
 }
 
 #[cfg(test)]
+mod formats;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
