@@ -134,7 +134,7 @@ impl Bindings {
                         advice: "bind a smaller range".into(),
                     });
                 }
-                buffer_info(&buffer, range.offset as u64, bytes)
+                buffer_info(&buffer, buffer.offset() + range.offset as u64, bytes)
             }
             Binding::Sampled(texture, state) => {
                 let image = resources.texture(texture)?;

@@ -257,13 +257,13 @@ fn record_draw(
         // The padding at a buffer's end is part of the range, for elements that are read wider than
         // they are.
         let bytes = if range.offset + range.bytes == range.buffer.len() {
-            buffer.raw().size - range.offset as u64
+            buffer.raw().size - buffer.offset() - range.offset as u64
         } else {
             range.bytes as u64
         };
         buffers.push(buffer.raw().handle);
         // An empty range may begin at the buffer's end, where Vulkan lets none begin.
-        offsets.push(if range.bytes == 0 { 0 } else { range.offset as u64 });
+        offsets.push(if range.bytes == 0 { 0 } else { buffer.offset() + range.offset as u64 });
         sizes.push(bytes);
         recorder.commands.keep(buffer.raw().clone());
     }
@@ -296,7 +296,7 @@ fn record_draw(
                     IndexFormat::U16 => vk::IndexType::UINT16,
                     IndexFormat::U32 => vk::IndexType::UINT32,
                 };
-                let offset = indices.range.offset as u64;
+                let offset = buffer.offset() + indices.range.offset as u64;
                 device.cmd_bind_index_buffer(cmd, buffer.raw().handle, offset, format);
                 let (first, base) = (draw.first, draw.base_vertex);
                 let (n, at) = (draw.instances, draw.first_instance);

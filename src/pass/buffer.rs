@@ -33,7 +33,8 @@ impl Buffer {
         Self { label: label.into(), content: Content::Host(bytes) }
     }
 
-    /// The memory of `buffer`, which belongs to a device. Only executors of that device take it.
+    /// The memory of `buffer`, which belongs to a device. Only executors of that device take it. A slice begins at a
+    /// multiple of 256 bytes, or the pass is refused.
     ///
     /// Nobody may know its content when a pass is planned. An index that it holds may be any number: a vertex
     /// beyond the end of an attribute's range reads the last element of the range. Each triangle then has three

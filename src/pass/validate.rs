@@ -238,6 +238,13 @@ fn check_texture(texture: &Texture) -> Fault {
 
 fn check_range(range: &BufferRange) -> Fault {
     let BufferRange { buffer, offset, bytes } = range;
+    let start = buffer.device_memory().map_or(0, |memory| memory.offset());
+    if !start.is_multiple_of(BLOCK_ALIGNMENT as u64) {
+        return Err(format!(
+            "buffer `{}` begins at byte {start} of its memory, no multiple of {BLOCK_ALIGNMENT}",
+            buffer.label()
+        ));
+    }
     if offset.checked_add(*bytes).is_none_or(|end| end > buffer.len()) {
         let (label, all) = (buffer.label(), buffer.len());
         return Err(format!("{bytes} bytes from {offset} on of buffer `{label}`, which has {all}"));
