@@ -22,6 +22,6 @@ pub fn draw() -> tilewright::Result<Frame> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    png::write_png(&draw()?.color, &[], File::create("hello.png")?)?;
+    png::write_png(&draw()?.colors[0], &[], File::create("hello.png")?)?;
     Ok(())
 }

@@ -7,6 +7,7 @@
 //! order of [`pixel_number`].
 
 use crate::{abi, image::Extent};
+use std::ops::Range;
 
 /// Log2 of the cell edge at each level.
 pub const CELL_LOG2: [u32; abi::CELL_LEVELS as usize] =
@@ -67,6 +68,11 @@ impl Grid {
     /// Bins of the band.
     pub const fn bins(&self) -> u32 {
         self.bins_x * self.bins_y
+    }
+
+    /// The band's rows of the target.
+    pub const fn rows(&self) -> Range<u32> {
+        self.origin_y..self.origin_y + self.extent.height
     }
 
     /// Pixels of the band's working buffers, those of partial bins included.

@@ -263,8 +263,8 @@ pub struct Pass {
     pub label: String,
     /// Size of all targets, 1 to 16384 in each direction.
     pub extent: Extent,
-    /// The colour target.
-    pub color: ColorTarget,
+    /// The colour targets, by `layout(location = …)` of the fragment shaders: one, or none where only depth matters.
+    pub colors: Vec<ColorTarget>,
     /// The depth target, if there is one.
     pub depth: Option<DepthTarget>,
     /// The pipelines that draws refer to.
@@ -279,7 +279,7 @@ impl Pass {
         Self {
             label: label.into(),
             extent,
-            color: ColorTarget { format: Format::Rgba8Srgb, clear: [0.0; 4] },
+            colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [0.0; 4])],
             depth: None,
             pipelines: Vec::new(),
             draws: Vec::new(),
@@ -287,13 +287,20 @@ impl Pass {
     }
 }
 
-/// The targets of a [`Pass`], as a device executor returns them.
+/// The targets of a [`Pass`] that are stored, as a device executor returns them.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// The colour target.
-    pub color: crate::image::Image,
+    /// The colour targets, in the order of the pass.
+    pub colors: Vec<crate::image::Image>,
     /// The depth target, if the pass has one.
     pub depth: Option<crate::image::Image>,
+}
+
+impl Frame {
+    /// The first colour target, if there is one.
+    pub fn into_color(self) -> Option<crate::image::Image> {
+        self.colors.into_iter().next()
+    }
 }
 
 /// Something that makes pictures of passes on a device.

@@ -126,8 +126,8 @@ fn pass(apart: usize, depth: DepthState) -> Pass {
     draw.instances = count;
     draw.first_instance = 3;
     Pass {
-        color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
-        depth: Some(DepthTarget { clear: 1.0 }),
+        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
+        depth: Some(DepthTarget::cleared(1.0)),
         pipelines: vec![Arc::new(Pipeline { depth, ..pipeline() })],
         draws: vec![draw],
         ..Pass::new("cells", Extent::new(COLUMNS * CELL, ROWS * CELL))
@@ -139,7 +139,7 @@ fn check(frame: &Frame, what: &str) {
         let cell = [instance % COLUMNS, instance / COLUMNS].map(|c| c * CELL);
         for pixel in 0..CELL * CELL {
             let (x, y) = (cell[0] + pixel % CELL, cell[1] + pixel / CELL);
-            let found = frame.color.texel(x, y);
+            let found = frame.colors[0].texel(x, y);
             let expected = expected(instance + 3);
             let near = found.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= 1);
             assert!(near && found[3] == 255, "{what}, {x}, {y}: {found:?}, not {expected:?}");
@@ -187,11 +187,11 @@ fn the_colour_alone_is_that_of_the_frame() {
         let mut prepared = compute::Renderer::new(gpu).unwrap().prepare(&pass).unwrap();
         prepared.execute().unwrap();
         let frame = prepared.read().unwrap();
-        assert_eq!(prepared.read_color().unwrap(), frame.color);
+        assert_eq!(prepared.read_color().unwrap(), frame.colors[0]);
         check(&frame, "read");
         let mut prepared = classic::Renderer::new(gpu).unwrap().prepare(&pass).unwrap();
         prepared.execute().unwrap();
         let color = prepared.read_color().unwrap();
-        assert_eq!(color, prepared.read().unwrap().color);
+        assert_eq!(color, prepared.read().unwrap().colors[0]);
     });
 }

@@ -24,7 +24,7 @@ fn every_scene_is_the_same_picture_by_both() {
         let both = Both::draw(compute, classic, &pass, |_| {}).unwrap();
         assert!(both.same(), "{}: {:?}", scene.name, both.difference);
         // A scene that shows nothing would be the same too.
-        let ids = tilewright::compare::ids(&both.compute.1.color).unwrap();
+        let ids = tilewright::compare::ids(&both.compute.1.colors[0]).unwrap();
         let covered = ids.iter().filter(|id| **id != tilewright::compare::NO_PRIMITIVE).count();
         assert!(covered > 128 * 128 / 8, "{}: {covered} pixels", scene.name);
     }

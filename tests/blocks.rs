@@ -50,7 +50,7 @@ fn pass(
     let corners = Binding::Uniform(BufferRange::whole(&zeros));
     let set = BindingSet { entries: vec![entry(0, bind(range)), entry(1, corners)] };
     let mut pass = Pass::new("short", Extent::new(8, 8));
-    pass.color.format = Format::Rgba8Unorm;
+    pass.colors[0].format = Format::Rgba8Unorm;
     pass.pipelines.push(Arc::new(Pipeline {
         depth: DepthState::OFF,
         specialization: specialization.to_vec(),
@@ -77,7 +77,7 @@ fn a_block_is_as_long_as_a_specialization_constant_makes_it() {
     let by_compute = compute::Renderer::new(&gpu).unwrap().render(&pass).unwrap();
     let by_classic = classic::Renderer::new(&gpu).unwrap().render(&pass).unwrap();
     for frame in [by_compute, by_classic] {
-        assert_eq!(frame.color.texel(3, 3), [255; 4]);
+        assert_eq!(frame.colors[0].texel(3, 3), [255; 4]);
     }
 }
 
@@ -96,7 +96,7 @@ fn a_constant_index_beyond_a_uniform_block_reads_no_other_memory() {
     let fragment = Shader::from_spirv(Stage::Fragment, "far.frag", &words).unwrap();
     let pass = pass(fragment, &[], 64, Binding::Uniform);
     let frame = compute::Renderer::new(&gpu()).unwrap().render(&pass).unwrap();
-    let texel = frame.color.texel(3, 3);
+    let texel = frame.colors[0].texel(3, 3);
     let possible: [[u8; 4]; 3] = [[0; 4], [0, 0, 0, 255], [255; 4]];
     assert!(possible.iter().any(|p| texel == p), "{texel:?}");
 }
@@ -113,7 +113,7 @@ fn zeros_follow_a_short_uniform_block() {
         for (bytes, expected) in [(16, [255, 0, 0, 255]), (24, [255, 255, 0, 255])] {
             for frame in draw(gpu, fragment, bytes, Binding::Uniform) {
                 for x in 0..8 {
-                    assert_eq!(frame.color.texel(x, 5), expected, "{bytes} bytes, pixel {x}");
+                    assert_eq!(frame.colors[0].texel(x, 5), expected, "{bytes} bytes, pixel {x}");
                 }
             }
         }
@@ -129,7 +129,7 @@ fn a_short_storage_block_has_the_elements_that_there_is_room_for() {
         }";
     for (bytes, expected) in [(16, [255, 0, 0, 255]), (48, [0, 255, 255, 255])] {
         for frame in draw(&gpu(), fragment, bytes, Binding::Storage) {
-            assert_eq!(frame.color.texel(3, 3), expected, "{bytes} bytes");
+            assert_eq!(frame.colors[0].texel(3, 3), expected, "{bytes} bytes");
         }
     }
 }
@@ -149,11 +149,11 @@ fn what_is_indexed_beyond_a_block_is_never_other_memory() {
     let uniform = "layout(binding = 0) uniform Block { vec4 first; vec4 items[64]; };
         void main() { color = vec4(first.xy, items[int(first.x) << 5].x, 1.0); }";
     for frame in draw(&gpu(), far, 32, Binding::Storage) {
-        assert_eq!(frame.color.texel(3, 3)[..2], [255, 255]);
+        assert_eq!(frame.colors[0].texel(3, 3)[..2], [255, 255]);
     }
     on_each_gpu("what is indexed beyond a block is never other memory", |gpu| {
         for frame in draw(gpu, uniform, 32, Binding::Uniform) {
-            assert_eq!(frame.color.texel(3, 3), [255, 255, 0, 255]);
+            assert_eq!(frame.colors[0].texel(3, 3), [255, 255, 0, 255]);
         }
     });
 }
@@ -186,7 +186,7 @@ fn overwritten() -> Pass {
     let entries =
         vec![entry(0, Binding::Storage(whole)), entry(1, Binding::Uniform(range(256, 16)))];
     let mut pass = Pass::new("overwritten", Extent::new(8, 8));
-    pass.color.format = Format::Rgba8Unorm;
+    pass.colors[0].format = Format::Rgba8Unorm;
     pass.pipelines.push(Arc::new(Pipeline {
         depth: DepthState::OFF,
         vertex_bindings: vec![VertexBinding { stride: 8, rate: StepRate::Vertex }],
@@ -232,7 +232,11 @@ fn what_shaders_write_stays_in_the_pass() {
         frames.push(by_compute.trace(&pass).unwrap().0);
         for (n, frame) in frames.iter().enumerate() {
             for (x, y) in [(0, 0), (3, 3), (7, 7)] {
-                assert_eq!(frame.color.texel(x, y), [0, 255, 0, 255], "frame {n}, pixel {x},{y}");
+                assert_eq!(
+                    frame.colors[0].texel(x, y),
+                    [0, 255, 0, 255],
+                    "frame {n}, pixel {x},{y}"
+                );
             }
         }
     });
@@ -258,11 +262,11 @@ fn each_execution_finds_what_the_host_gave() {
         let mut prepared = renderer.prepare(&pass).unwrap();
         for _ in 0..3 {
             prepared.execute().unwrap();
-            assert_eq!(prepared.read().unwrap().color.texel(0, 0), [8; 4]);
+            assert_eq!(prepared.read().unwrap().colors[0].texel(0, 0), [8; 4]);
         }
         for _ in 0..2 {
-            assert_eq!(renderer.trace(&pass).unwrap().0.color.texel(0, 0), [8; 4]);
-            assert_eq!(renderer.render(&pass).unwrap().color.texel(0, 0), [8; 4]);
+            assert_eq!(renderer.trace(&pass).unwrap().0.colors[0].texel(0, 0), [8; 4]);
+            assert_eq!(renderer.render(&pass).unwrap().colors[0].texel(0, 0), [8; 4]);
         }
     });
 }
@@ -273,8 +277,8 @@ const TWO_BANDS: [Extent; 2] = [Extent::new(16384, 520), Extent::new(4100, 2080)
 /// Asserts that all rows of a column have this colour.
 #[track_caller]
 fn assert_column(frame: &Frame, x: u32, color: [u8; 4]) {
-    for y in 0..frame.color.extent.height {
-        assert_eq!(frame.color.texel(x, y), color, "pixel {x},{y}");
+    for y in 0..frame.colors[0].extent.height {
+        assert_eq!(frame.colors[0].texel(x, y), color, "pixel {x},{y}");
     }
 }
 
@@ -298,10 +302,10 @@ fn later_draws_read_what_earlier_ones_wrote() {
         pass.draws.push(Draw { pipeline: 1, ..first });
         let mut renderer = compute::Renderer::new(gpu).unwrap();
         for _ in 0..2 {
-            assert_eq!(renderer.render(&pass).unwrap().color.texel(3, 3), [0, 255, 0, 255]);
+            assert_eq!(renderer.render(&pass).unwrap().colors[0].texel(3, 3), [0, 255, 0, 255]);
         }
         pass.draws.truncate(1);
-        assert_eq!(renderer.render(&pass).unwrap().color.texel(3, 3), [255; 4]);
+        assert_eq!(renderer.render(&pass).unwrap().colors[0].texel(3, 3), [255; 4]);
     });
 }
 

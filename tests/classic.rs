@@ -72,7 +72,7 @@ fn pass(extent: Extent, pipelines: Vec<Pipeline>, draws: Vec<Draw>) -> Pass {
     Pass {
         label: "test".into(),
         extent,
-        color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0, 0.0, 0.0, 1.0] },
+        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0, 0.0, 0.0, 1.0])],
         depth: None,
         pipelines: pipelines.into_iter().map(Arc::new).collect(),
         draws,
@@ -108,9 +108,9 @@ fn half_of_the_target_is_covered_by_one_triangle() {
     on_each_gpu("half of the target is covered by one triangle", |gpu| {
         let draw = flat_draw(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, 1.0, 0.0]], &[RED; 3]);
         let frame = render(gpu, &pass(Extent::new(17, 13), vec![flat_pipeline()], vec![draw]));
-        assert_eq!(frame.color.texel(0, 0), RED);
-        assert_eq!(frame.color.texel(16, 12), BLACK);
-        let red = frame.color.bytes.chunks(4).filter(|p| *p == RED).count();
+        assert_eq!(frame.colors[0].texel(0, 0), RED);
+        assert_eq!(frame.colors[0].texel(16, 12), BLACK);
+        let red = frame.colors[0].bytes.chunks(4).filter(|p| *p == RED).count();
         assert!((100..=118).contains(&red), "{red} of 221 pixels");
         assert!(frame.depth.is_none());
     });
@@ -137,10 +137,10 @@ fn nearer_wins_and_depth_is_read_back() {
         let far = full_screen(0.75, RED);
         let pipeline = Pipeline { depth: DepthState::LESS, ..flat_pipeline() };
         let mut pass = pass(Extent::new(8, 8), vec![pipeline], vec![near, far]);
-        pass.depth = Some(DepthTarget { clear: 1.0 });
+        pass.depth = Some(DepthTarget::cleared(1.0));
         let frame = render(gpu, &pass);
-        assert_eq!(frame.color.texel(3, 7), GREEN);
-        assert_eq!(frame.color.texel(4, 0), RED);
+        assert_eq!(frame.colors[0].texel(3, 7), GREEN);
+        assert_eq!(frame.colors[0].texel(4, 0), RED);
         let depths = frame.depth.unwrap().depths();
         assert_eq!((depths[0], depths[7]), (0.25, 0.75));
     });
@@ -160,7 +160,7 @@ fn faces_are_culled_by_their_winding_on_the_screen() {
             let pipeline = Pipeline { cull, front_face, ..flat_pipeline() };
             let frame = render(gpu, &pass(Extent::new(4, 4), vec![pipeline], vec![draw.clone()]));
             let expected = if drawn { RED } else { BLACK };
-            assert_eq!(frame.color.texel(2, 2), expected, "{cull:?} {front_face:?}");
+            assert_eq!(frame.colors[0].texel(2, 2), expected, "{cull:?} {front_face:?}");
         }
     });
 }
@@ -172,8 +172,8 @@ fn alpha_is_blended_in_order() {
         let draws = vec![full_screen(0.5, [255, 0, 0, 128]), full_screen(0.5, [0, 255, 0, 128])];
         let frame = render(gpu, &pass(Extent::new(2, 2), vec![pipeline], draws));
         // 128/255 of red on black, then 128/255 of green on that.
-        for (value, expected) in frame.color.texel(1, 1).iter().zip([64i32, 128, 0, 255]) {
-            assert!((i32::from(*value) - expected).abs() <= 1, "{:?}", frame.color.texel(1, 1));
+        for (value, expected) in frame.colors[0].texel(1, 1).iter().zip([64i32, 128, 0, 255]) {
+            assert!((i32::from(*value) - expected).abs() <= 1, "{:?}", frame.colors[0].texel(1, 1));
         }
     });
 }
@@ -241,7 +241,8 @@ void main() { color = vec4(paint, 1); }";
             ..Draw::new(0, 4)
         };
         let frame = render(gpu, &pass(Extent::new(24, 4), vec![pipeline], vec![draw]));
-        let row: Vec<_> = (0..24).step_by(4).map(|x| frame.color.texel(x, 2).to_vec()).collect();
+        let row: Vec<_> =
+            (0..24).step_by(4).map(|x| frame.colors[0].texel(x, 2).to_vec()).collect();
         assert_eq!(row, [BLACK, BLACK, RED, BLUE, BLACK, BLACK]);
     });
 }
@@ -266,7 +267,7 @@ void main() {
 }";
         let texture = |label: &str, levels: Vec<Vec<u8>>| {
             let extent = Extent::new(2, 2);
-            Arc::new(Texture { label: label.into(), extent, format: Format::Rgba8Unorm, levels })
+            Arc::new(Texture::new(label, extent, Format::Rgba8Unorm, levels))
         };
         let white = texture("white", vec![vec![255; 16]]);
         let levels = texture("levels", vec![vec![0; 16], vec![255; 4]]);
@@ -329,7 +330,7 @@ void main() {
             ..pipeline(vertex, fragment)
         };
         let frame = render(gpu, &pass(Extent::new(4, 4), vec![pipeline], vec![draw]));
-        let texel = frame.color.texel(2, 1);
+        let texel = frame.colors[0].texel(2, 1);
         for (value, expected) in texel.iter().zip([255i32, 255, 128, 153]) {
             assert!((i32::from(*value) - expected).abs() <= 1, "{texel:?}");
         }
@@ -356,12 +357,8 @@ void main() {
 }";
         let images: Vec<_> = [RED, GREEN, BLUE]
             .map(|color| {
-                let texture = Texture {
-                    label: "one".into(),
-                    extent: Extent::new(1, 1),
-                    format: Format::Rgba8Srgb,
-                    levels: vec![color.to_vec()],
-                };
+                let (one, format) = (Extent::new(1, 1), Format::Rgba8Srgb);
+                let texture = Texture::new("one", one, format, vec![color.to_vec()]);
                 Binding::Sampled(Arc::new(texture), Sampler::default())
             })
             .into();
@@ -375,7 +372,7 @@ void main() {
         });
         let pipeline = Pipeline { topology: Topology::TriangleStrip, ..pipeline(vertex, fragment) };
         let frame = render(gpu, &pass(Extent::new(8, 4), vec![pipeline], draws.to_vec()));
-        let row = |y| [0, 2, 4, 6].map(|x| frame.color.texel(x, y).to_vec());
+        let row = |y| [0, 2, 4, 6].map(|x| frame.colors[0].texel(x, y).to_vec());
         assert_eq!(row(1), [RED, GREEN, BLUE, BLACK]);
         assert_eq!(row(2), [BLACK; 4]);
     });
@@ -401,10 +398,10 @@ void main() { color = vec4(float(atomicAdd(count, 1u)) / 255.0); }";
         let mut prepared = renderer.prepare(&pass).unwrap();
         for _ in 0..3 {
             prepared.execute().unwrap();
-            assert_eq!(prepared.read().unwrap().color.texel(0, 0), [7; 4]);
-            assert_eq!(prepared.read().unwrap().color.texel(0, 0), [7; 4]);
+            assert_eq!(prepared.read().unwrap().colors[0].texel(0, 0), [7; 4]);
+            assert_eq!(prepared.read().unwrap().colors[0].texel(0, 0), [7; 4]);
         }
-        assert_eq!(renderer.render(&pass).unwrap().color.texel(0, 0), [7; 4]);
+        assert_eq!(renderer.render(&pass).unwrap().colors[0].texel(0, 0), [7; 4]);
     });
 }
 
@@ -418,10 +415,10 @@ fn targets_of_every_format_are_cleared_and_drawn() {
             (Format::Rgba16Float, vec![0, 0x38, 0, 0x34, 0, 0x3c, 0, 0]),
         ] {
             let mut pass = pass(Extent::new(3, 2), vec![], vec![]);
-            pass.color = ColorTarget { format, clear };
+            pass.colors = vec![ColorTarget::cleared(format, clear)];
             let frame = render(gpu, &pass);
             let close = |(a, b): (&u8, &u8)| a.abs_diff(*b) <= 1;
-            let texel = frame.color.texel(2, 1);
+            let texel = frame.colors[0].texel(2, 1);
             assert!(texel.iter().zip(&expected).all(close), "{format:?}: {texel:?}");
         }
     });
@@ -455,7 +452,7 @@ fn unusual_sizes_are_drawn_to_the_last_pixel() {
     let gpu = gpu();
     for extent in [Extent::new(1, 1), Extent::new(1921, 1079), Extent::new(16384, 16)] {
         let frame = render(&gpu, &pass(extent, vec![flat_pipeline()], vec![full_screen(0.5, RED)]));
-        assert!(frame.color.bytes.chunks(4).all(|p| p == RED), "{extent}");
+        assert!(frame.colors[0].bytes.chunks(4).all(|p| p == RED), "{extent}");
     }
 }
 
@@ -468,7 +465,7 @@ fn a_pass_is_uploaded_once_and_forgotten_when_it_goes() {
         let color = [n * 10, 255 - n * 10, n, 255];
         let pass = pass(Extent::new(2, 2), vec![flat_pipeline()], vec![full_screen(0.5, color)]);
         for _ in 0..2 {
-            assert_eq!(renderer.render(&pass).unwrap().color.texel(1, 1), color);
+            assert_eq!(renderer.render(&pass).unwrap().colors[0].texel(1, 1), color);
         }
     }
 }

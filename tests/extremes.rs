@@ -147,7 +147,7 @@ fn pass(seed: u64, shaders: &[Arc<Shader>; 2]) -> Pass {
         draw.indices = Some(Indices::new(range(random, &buffer("indices", bytes)), format));
     }
     let mut pass = Pass::new(&format!("seed {seed}"), Extent::new(16, 16));
-    pass.color.format = Format::Rgba8Unorm;
+    pass.colors[0].format = Format::Rgba8Unorm;
     pass.pipelines.push(Arc::new(pipeline));
     pass.draws.push(draw);
     pass
@@ -180,7 +180,7 @@ fn executors_agree_on_the_largest_numbers() {
         } else {
             let compute = by_compute.render(&pass).unwrap();
             let classic = by_classic.render(&pass).unwrap();
-            assert!(compute.color == classic.color, "seed {seed}: the pictures differ");
+            assert!(compute.colors[0] == classic.colors[0], "seed {seed}: the pictures differ");
             let found = difference(&mut by_compute, &pass, &mut seen);
             assert_eq!(found, None, "seed {seed}");
             drawn += usize::from(primitives > 0);

@@ -146,8 +146,8 @@ fn pass_of(vertices: &[Vertex], vertex: &Arc<Shader>, fragment: &Arc<Shader>) ->
     Pass {
         label: "interpolation".into(),
         extent: Extent::new(96, 64),
-        color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
-        depth: Some(DepthTarget { clear: 1.0 }),
+        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
+        depth: Some(DepthTarget::cleared(1.0)),
         pipelines: vec![Arc::new(pipeline)],
         draws: vec![draw],
     }
@@ -247,7 +247,7 @@ fn what_is_equal_at_all_corners_stays_equal() {
             let fragment = &fragments[seed as usize % fragments.len()];
             for (way, pass) in opaque_and_ordered(&pass_of(&vertices, &vertex, fragment)) {
                 let frame = renderer.render(&pass).expect("it is drawn");
-                for (at, texel) in frame.color.bytes.chunks(4).enumerate() {
+                for (at, texel) in frame.colors[0].bytes.chunks(4).enumerate() {
                     let [wrong, moving, drawn, _] = texel.try_into().expect("four bytes");
                     shaded += usize::from(drawn);
                     let (x, y) = (at % 96, at / 96);
@@ -328,7 +328,7 @@ fn attributes_are_as_exact_as_single_precision_lets_them_be() {
                 let frame = frame.expect("it is drawn");
                 let largest = values.map(f32::abs).into_iter().fold(f32::MIN_POSITIVE, f32::max);
                 let unit = f64::from(largest) * f64::from(f32::EPSILON);
-                for (at, texel) in frame.color.bytes.chunks(4).enumerate() {
+                for (at, texel) in frame.colors[0].bytes.chunks(4).enumerate() {
                     let (x, y) = (at % 96, at / 96);
                     let weights = weights(&corners, x, y)[usize::from(x >= 48)];
                     // Pixels at the border may not be drawn.
@@ -391,7 +391,7 @@ fn scenes_of_any_size_look_alike() {
                     })
                     .collect();
                 let frame = renderer.render(&pass_of(&vertices, &vertex, &fragment));
-                let bytes = frame.expect("it is drawn").color.bytes;
+                let bytes = frame.expect("it is drawn").into_color().unwrap().bytes;
                 let first = drawn.get_or_insert_with(|| bytes.clone());
                 assert!(*first == bytes, "seed {seed}: 2^{log2} looks otherwise");
             }
@@ -435,7 +435,7 @@ fn a_surface_as_opaque_as_its_cutoff_has_no_holes() {
         scene.pass(extent, &camera, &PassOptions::default()).expect("a valid pass")
     };
     let red =
-        |frame: &Frame| frame.color.bytes.chunks(4).filter(|p| p[0] > 200 && p[1] < 30).count();
+        |frame: &Frame| frame.colors[0].bytes.chunks(4).filter(|p| p[0] > 200 && p[1] < 30).count();
     let front = DVec3::new(0.0, 0.0, 3.0);
     on_each_gpu("masks", |gpu| {
         let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");

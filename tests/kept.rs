@@ -8,8 +8,8 @@ use tilewright::{
     format::{Format, VertexFormat},
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Frame, Pass,
-        Pipeline, StepRate, VertexAttribute, VertexBinding,
+        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Pass, Pipeline,
+        StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
     state::{Cull, DepthState},
@@ -43,12 +43,9 @@ fn shaders(factor: u32) -> (Shader, Shader) {
 fn pass(shaders: &(Shader, Shader), draws: usize) -> Pass {
     let corners: [[f32; 2]; 3] = [[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]];
     let mesh = Arc::new(Buffer::new("mesh", bytemuck::cast_slice(&corners).to_vec()));
-    let white = Arc::new(Texture {
-        label: "white".into(),
-        extent: Extent::new(1, 1),
-        format: Format::Rgba8Unorm,
-        levels: vec![vec![255; 4]],
-    });
+    let levels = vec![vec![255; 4]];
+    let white = Texture::new("white", Extent::new(1, 1), Format::Rgba8Unorm, levels);
+    let white = Arc::new(white);
     let images = vec![Binding::Sampled(white, Sampler::default()); 4];
     let set =
         Arc::new(BindingSet { entries: vec![BindingEntry { binding: 0, resources: images }] });
@@ -68,7 +65,7 @@ fn pass(shaders: &(Shader, Shader), draws: usize) -> Pass {
         ..Draw::new(0, 3)
     };
     let mut pass = Pass::new("kept", Extent::new(4, 4));
-    pass.color.format = Format::Rgba8Unorm;
+    pass.colors[0].format = Format::Rgba8Unorm;
     pass.pipelines = vec![Arc::new(pipeline)];
     pass.draws = vec![draw; draws];
     pass
@@ -87,7 +84,8 @@ fn classic(gpu: &Gpu) -> Kind<classic::Renderer> {
 
 /// Renders `pass` and asserts that all of it has one colour.
 fn draw(executor: &mut impl Executor, pass: &Pass, grey: u8) {
-    let Frame { color, .. } = executor.render(pass).expect("it is drawn");
+    let frame = executor.render(pass).expect("it is drawn");
+    let color = frame.into_color().expect("a colour target");
     assert!(color.bytes.iter().all(|&channel| channel == grey), "{:?}", &color.bytes[..4]);
 }
 
@@ -163,7 +161,7 @@ fn a_table_is_used_again_only_when_no_prepared_pass_has_it() {
         let (mut renderer, cached) = compute(gpu);
         let grey = |prepared: &mut compute::Prepared, grey: u8| {
             prepared.execute().expect("it runs");
-            let color = prepared.read().expect("it is there").color;
+            let color = prepared.read_color().expect("it is there");
             assert!(color.bytes.iter().all(|&c| c == grey), "{:?}", &color.bytes[..4]);
         };
         let mut first = renderer.prepare(&pass(&shaders(10), 1)).expect("a valid pass");

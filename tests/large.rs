@@ -92,10 +92,13 @@ fn a_pass_may_bind_more_than_a_table_holds() {
         let gpu = small(buffers);
         let mut renderer = compute::Renderer::new(&gpu).expect("kernels are made");
         let frame = renderer.render(&pass).expect("it is drawn");
-        assert!(frame.color == expected.color, "colours depend on a table of {buffers} buffers");
+        assert!(
+            frame.colors[0] == expected.colors[0],
+            "colours depend on a table of {buffers} buffers"
+        );
         assert!(frame.depth == expected.depth, "depths depend on a table of {buffers} buffers");
         let (traced, trace) = renderer.trace(&pass).expect("it is drawn");
-        assert!(traced.color == expected.color, "traced with a table of {buffers} buffers");
+        assert!(traced.colors[0] == expected.colors[0], "traced with a table of {buffers} buffers");
         let found = reference::first_difference(&pass, &trace);
         assert_eq!(found, None, "traced with a table of {buffers} buffers");
         let tables = renderer.cached().tables;
@@ -146,8 +149,8 @@ fn vertices_and_indices_may_be_far_into_a_buffer() {
             frame((buffer("mesh", mesh.to_vec()), 0), (buffer("indices", indices.to_vec()), 0));
         let far = frame(far("mesh", mesh, 12), far("indices", indices, 2));
         assert!(far.depth == near.depth, "depths depend on where vertices are");
-        assert!(far.color == near.color, "colours depend on where vertices are");
-        let drawn = near.color.bytes.chunks_exact(4).filter(|texel| texel[3] != 0).count();
+        assert!(far.colors[0] == near.colors[0], "colours depend on where vertices are");
+        let drawn = near.colors[0].bytes.chunks_exact(4).filter(|texel| texel[3] != 0).count();
         assert!(drawn > 500, "only {drawn} pixels are drawn");
     });
 }

@@ -63,7 +63,8 @@ fn extent(draw: &Draw) -> std::ops::RangeInclusive<u32> {
 }
 
 fn same(a: &Frame, b: &Frame) -> bool {
-    a.color == b.color && a.depth.as_ref().map(|d| &d.bytes) == b.depth.as_ref().map(|d| &d.bytes)
+    a.colors[0] == b.colors[0]
+        && a.depth.as_ref().map(|d| &d.bytes) == b.depth.as_ref().map(|d| &d.bytes)
 }
 
 /// Nobody on the host knows the indices: each corner gets a vertex of its own, or the caller declares the range. The
@@ -230,7 +231,11 @@ fn a_prepared_pass_draws_what_a_kernel_wrote() {
             for frame in frames {
                 for (x, y) in (0..8).flat_map(|x| (0..4).map(move |y| (x, y))) {
                     let expected = if x == column { [255; 4] } else { [0; 4] };
-                    assert_eq!(frame.color.texel(x, y), expected, "column {column}, ({x}, {y})");
+                    assert_eq!(
+                        frame.colors[0].texel(x, y),
+                        expected,
+                        "column {column}, ({x}, {y})"
+                    );
                 }
             }
         }
@@ -289,7 +294,7 @@ fn what_shaders_write_stays_on_the_device() {
             assert_eq!(all.slice(0..64).unwrap().download().unwrap(), [3; 64], "{name}");
             let shown = executor.render(&pass(&counts, READ)).unwrap();
             for x in 0..15 {
-                let value = shown.color.texel(x, 0);
+                let value = shown.colors[0].texel(x, 0);
                 assert_eq!(u32::from(value[3]), expected[x as usize], "{name}, column {x}");
             }
         }

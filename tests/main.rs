@@ -25,6 +25,7 @@ mod resource_arrays;
 mod scene;
 mod setup;
 mod splice;
+mod targets;
 mod tidy;
 mod twin;
 mod vk;

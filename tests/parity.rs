@@ -31,7 +31,7 @@ use tilewright::{
 /// | half float, blended | 0.5 steps | 0.5 | one unit in the last place of a half from 2 to 4, where subtracting leads |
 ///
 /// Another device is held to the limits that `tilewright parity` has for all ([`Limits`]).
-mod remains {
+pub mod remains {
     use super::{Difference, Format, Gpu, Limits};
 
     /// Steps of 1/255 in an 8-bit format.
@@ -51,7 +51,7 @@ mod remains {
     }
 }
 
-fn scene_pass(scene: &Scene, extent: Extent, format: Format) -> Pass {
+pub fn scene_pass(scene: &Scene, extent: Extent, format: Format) -> Pass {
     let camera = scene.default_camera(extent);
     scene
         .pass(extent, &camera, &PassOptions { format, ..PassOptions::default() })
@@ -122,8 +122,8 @@ fn overlapping(pipeline: &Pipeline, format: Format, seed: u64) -> Pass {
     Pass {
         label: "overlapping".into(),
         extent: Extent::new(150, 100),
-        color: ColorTarget { format, clear: [0.25, 0.5, 0.75, 0.5] },
-        depth: Some(DepthTarget { clear: 0.5 }),
+        colors: vec![ColorTarget::cleared(format, [0.25, 0.5, 0.75, 0.5])],
+        depth: Some(DepthTarget::cleared(0.5)),
         pipelines: vec![Arc::new(pipeline.clone())],
         draws: vec![draw],
     }
@@ -134,7 +134,7 @@ fn largest_step(gpu: &Gpu, pass: &Pass) -> f32 {
     let a = compute::Renderer::new(gpu).unwrap().render(pass).unwrap();
     let b = classic::Renderer::new(gpu).unwrap().render(pass).unwrap();
     let channels = |bytes: &[u8]| -> Vec<f32> {
-        match pass.color.format {
+        match pass.colors[0].format {
             Format::Rgba16Float => bytes
                 .chunks(2)
                 .map(|h| half_to_f32(u16::from_le_bytes([h[0], h[1]])) * 255.0)
@@ -142,7 +142,7 @@ fn largest_step(gpu: &Gpu, pass: &Pass) -> f32 {
             _ => bytes.iter().map(|&b| f32::from(b)).collect(),
         }
     };
-    let (a, b) = (channels(&a.color.bytes), channels(&b.color.bytes));
+    let (a, b) = (channels(&a.colors[0].bytes), channels(&b.colors[0].bytes));
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
@@ -184,7 +184,8 @@ fn outputs_without_a_target_and_point_sizes_change_nothing() {
             let pass = overlapping(&pipeline, Format::Rgba8Unorm, 3);
             let mut compute = compute::Renderer::new(gpu).unwrap();
             let mut classic = classic::Renderer::new(gpu).unwrap();
-            [compute.render(&pass).unwrap().color, classic.render(&pass).unwrap().color]
+            [compute.render(&pass).unwrap(), classic.render(&pass).unwrap()]
+                .map(|frame| frame.into_color().unwrap())
         });
         assert!(pictures[0] == pictures[1]);
         assert!(pictures[0][0].bytes.chunks(4).any(|texel| texel != &pictures[0][0].bytes[..4]));

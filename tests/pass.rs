@@ -24,13 +24,26 @@ fn zeros(label: &str, bytes: usize) -> Arc<Buffer> {
     Arc::new(Buffer::new(label, vec![0; bytes]))
 }
 
+/// A texture that a case spoils.
+struct Stones {
+    extent: Extent,
+    format: Format,
+    levels: Vec<Vec<u8>>,
+}
+
+impl Stones {
+    fn texture(self) -> Texture {
+        Texture::new("stones", self.extent, self.format, self.levels)
+    }
+}
+
 /// The parts of a pass that makes sense, each of which a case spoils.
 struct Parts {
     pass: Pass,
     pipeline: Pipeline,
     draw: Draw,
     entries: Vec<BindingEntry>,
-    texture: Texture,
+    texture: Stones,
 }
 
 impl Parts {
@@ -79,8 +92,7 @@ void main() { color = texture(images[id & 1u], uv + offset) * factor[3]; }",
                 bytes: 64,
             })],
         }];
-        let texture = Texture {
-            label: "stones".into(),
+        let texture = Stones {
             extent: Extent::new(4, 2),
             format: Format::Rgba8Unorm,
             levels: vec![vec![0; 32], vec![0; 8], vec![0; 4]],
@@ -91,7 +103,7 @@ void main() { color = texture(images[id & 1u], uv + offset) * factor[3]; }",
     fn assemble(self) -> Pass {
         let mut pass = self.pass;
         pass.pipelines.push(Arc::new(self.pipeline));
-        let sampled = Binding::Sampled(Arc::new(self.texture), Sampler::default());
+        let sampled = Binding::Sampled(Arc::new(self.texture.texture()), Sampler::default());
         let images = BindingEntry { binding: 2, resources: vec![sampled.clone(), sampled] };
         let mut draw = self.draw;
         draw.sets = vec![
@@ -122,7 +134,7 @@ fn what_makes_sense_is_taken() {
     let mut parts = Parts::new();
     parts.draw.indices = None;
     parts.draw.scissor = Some(Rect { x: 7, y: 0, width: 100, height: 0 });
-    parts.pass.depth = Some(DepthTarget { clear: 0.0 });
+    parts.pass.depth = Some(DepthTarget::cleared(0.0));
     parts.assemble().validate().unwrap();
     Pass::new("empty", Extent::new(16384, 1)).validate().unwrap();
 }
@@ -131,9 +143,9 @@ fn what_makes_sense_is_taken() {
 fn targets() {
     refused(&["test", "0x8"], |p| p.pass.extent.width = 0);
     refused(&["8x16385", "16384"], |p| p.pass.extent.height = 16385);
-    refused(&["D32Float"], |p| p.pass.color.format = Format::D32Float);
-    refused(&["depth", "1.5"], |p| p.pass.depth = Some(DepthTarget { clear: 1.5 }));
-    refused(&["depth", "NaN"], |p| p.pass.depth = Some(DepthTarget { clear: f32::NAN }));
+    refused(&["D32Float"], |p| p.pass.colors[0].format = Format::D32Float);
+    refused(&["depth", "1.5"], |p| p.pass.depth = Some(DepthTarget::cleared(1.5)));
+    refused(&["depth", "NaN"], |p| p.pass.depth = Some(DepthTarget::cleared(f32::NAN)));
 }
 
 #[test]
@@ -223,7 +235,6 @@ fn textures() {
     refused(&["stones", "4 levels", "3"], |p| p.texture.levels.push(vec![0; 4]));
     refused(&["stones", "0 levels"], |p| p.texture.levels.clear());
     refused(&["stones", "0x2"], |p| p.texture.extent.width = 0);
-    refused(&["stones", "depth"], |p| p.texture.format = Format::D32Float);
 }
 
 #[test]
@@ -321,10 +332,11 @@ void main() { color = factor * uv.x; }";
         pass.pipelines.push(Arc::new(other));
     });
     // The same texture in a draw that is good does not excuse one whose set holds a bad one.
-    refused(&["set 0 binding 2", "stones", "depth"], &|_, draw| {
+    refused(&["set 0 binding 2", "stones", "level 0"], &|_, draw| {
         let mut set = (*draw.sets[0]).clone();
         let Binding::Sampled(texture, sampler) = &set.entries[0].resources[0] else { panic!() };
-        let bad = Texture { format: Format::D32Float, ..(**texture).clone() };
+        let levels = texture.levels().unwrap().to_vec();
+        let bad = Texture::new("stones", texture.extent(), Format::Rgba16Float, levels);
         set.entries[0].resources[1] = Binding::Sampled(Arc::new(bad), *sampler);
         draw.sets[0] = Arc::new(set);
     });

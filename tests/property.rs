@@ -43,14 +43,14 @@ fn coverage(
     draw.vertex_buffers = vec![BufferRange::whole(&buffer)];
     pass = Pass {
         extent,
-        color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
+        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
         depth: None,
         pipelines: vec![Arc::new(pipeline)],
         draws: vec![draw],
         ..pass
     };
     let frame = renderer.render(&pass).expect("it is drawn");
-    frame.color.bytes.chunks(4).map(|pixel| pixel[0]).collect()
+    frame.colors[0].bytes.chunks(4).map(|pixel| pixel[0]).collect()
 }
 
 fn counting_shaders() -> (Arc<Shader>, Arc<Shader>) {
@@ -182,7 +182,7 @@ fn the_picture_does_not_depend_on_the_batch_size() {
             let [first, rest @ ..] = &mut frames;
             for other in rest {
                 assert!(
-                    first.color == other.color,
+                    first.colors[0] == other.colors[0],
                     "seed {seed}: colours depend on the batch size"
                 );
                 assert!(first.depth == other.depth, "seed {seed}: depths depend on the batch size");
@@ -247,7 +247,7 @@ fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
             for (drawn, expected) in expected.iter().enumerate() {
                 let pass = Pass {
                     extent,
-                    depth: Some(DepthTarget { clear: 1.0 }),
+                    depth: Some(DepthTarget::cleared(1.0)),
                     pipelines: pipelines.clone(),
                     draws: draws[..=drawn].to_vec(),
                     ..base.clone()
@@ -331,8 +331,8 @@ fn bins_are_shaded_by_the_shaders_of_what_they_show() {
             }
             let pass = Pass {
                 extent: Extent::new(width as u32, height as u32),
-                color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
-                depth: Some(DepthTarget { clear }),
+                colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
+                depth: Some(DepthTarget::cleared(clear)),
                 pipelines: fragments.iter().map(pipeline).collect(),
                 draws,
                 ..base.clone()
@@ -350,7 +350,7 @@ fn bins_are_shaded_by_the_shaders_of_what_they_show() {
                     let depths = frame.depth.expect("a depth target").depths();
                     for (i, (color, depth)) in expected.iter().enumerate() {
                         let (x, y) = (i % width, i / width);
-                        let found = (&frame.color.bytes[4 * i..][..4], depths[i]);
+                        let found = (&frame.colors[0].bytes[4 * i..][..4], depths[i]);
                         assert_eq!(
                             found,
                             (&color[..], *depth),

@@ -16,7 +16,8 @@ fn the_program_of_the_readme_is_the_example() {
 
 #[test]
 fn the_program_of_the_readme_draws() {
-    let image = hello::draw().unwrap_or_else(|e| panic!("{e}")).color;
+    let image =
+        hello::draw().unwrap_or_else(|e| panic!("{e}")).into_color().expect("a colour target");
     assert_eq!(image.texel(320, 300)[3], 255, "inside the triangle");
     assert_eq!(image.texel(5, 5), [0; 4], "outside it");
     // Each corner has a channel of its own, so the picture is not just a white one.

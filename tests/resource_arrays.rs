@@ -34,12 +34,8 @@ fn shader(stage: Stage, body: &str) -> Arc<Shader> {
 }
 
 fn texture(texels: &[[u8; 4]]) -> Arc<Texture> {
-    Arc::new(Texture {
-        label: "texels".into(),
-        extent: Extent::new(texels.len() as u32, 1),
-        format: Format::Rgba8Unorm,
-        levels: vec![texels.concat()],
-    })
+    let extent = Extent::new(texels.len() as u32, 1);
+    Arc::new(Texture::new("texels", extent, Format::Rgba8Unorm, vec![texels.concat()]))
 }
 
 fn block(color: [u8; 4]) -> BufferRange {
@@ -81,7 +77,7 @@ fn colors(
     let set = set(bind, elements);
     let mut render = |n: i32| {
         pass.draws = vec![draw(&set, n)];
-        renderer.render(&pass).unwrap().color.texel(3, 3).try_into().unwrap()
+        renderer.render(&pass).unwrap().colors[0].texel(3, 3).try_into().unwrap()
     };
     INDICES.into_iter().map(&mut render).collect()
 }
@@ -91,7 +87,7 @@ fn pass(vertex: &str, fragment: &str) -> Pass {
     let corner = "vec4(vec2(gl_VertexIndex & 1, gl_VertexIndex >> 1) * 4.0 - 1.0, 0, 1)";
     let vertex = vertex.replace("CORNER", corner);
     let mut pass = Pass::new("arrays", Extent::new(8, 8));
-    pass.color.format = Format::Rgba8Unorm;
+    pass.colors[0].format = Format::Rgba8Unorm;
     pass.pipelines.push(Arc::new(Pipeline {
         depth: DepthState::OFF,
         ..Pipeline::new("array", shader(Stage::Vertex, &vertex), shader(Stage::Fragment, fragment))
@@ -229,7 +225,7 @@ fn each_draw_has_the_length_that_it_binds() {
             let one = (set(kind.2, &[GREEN]), GREEN);
             let three = (set(kind.2, &[RED, RED, BLUE]), BLUE);
             let mut pass = pass(PLAIN, &fragment);
-            pass.depth = Some(DepthTarget { clear: 1.0 });
+            pass.depth = Some(DepthTarget::cleared(1.0));
             for depth in [DepthState::OFF, DepthState::LESS] {
                 Arc::make_mut(&mut pass.pipelines[0]).depth = depth;
                 // Index 2 is beyond the shorter array alone.
@@ -241,7 +237,7 @@ fn each_draw_has_the_length_that_it_binds() {
                         Draw { scissor: column(0, 3), ..draw(&left.0, n) },
                         Draw { scissor: column(3, 5), ..draw(&right.0, n) },
                     ];
-                    let color = renderer.render(&pass).unwrap().color;
+                    let color = renderer.render(&pass).unwrap().into_color().unwrap();
                     let found = [color.texel(2, 3), color.texel(3, 3)];
                     assert_eq!(found, [left.1, right.1], "{}, element {n}", kind.0);
                 }

@@ -13,9 +13,11 @@ const SHADER_LINES: usize = 200;
 /// Files of `src/compute/` and `src/reference/` that are no stages, each with what it is instead.
 const NOT_STAGES: &[(&str, &str)] = &[
     ("mod", "the order of the stages"),
+    ("attach", "the targets of a pass: load and store operations"),
     ("frame", "the buffers of a pass and its recording"),
+    ("prepared", "a recorded pass and its results"),
     ("kernels", "the kernels of a pipeline, made once"),
-    ("target", "the targets of a band"),
+    ("target", "the rows of a band"),
     ("slots", "the table slots of a draw's resources"),
     ("trace", "the intermediates of a frame, brought home"),
     ("assembly", "the reference's own plan: the primitives of a pass in API order"),

@@ -114,8 +114,8 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
     let mut pass = Pass {
         label: format!("seed {seed}"),
         extent,
-        color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
-        depth: Some(DepthTarget { clear: [0.0, 0.5, 1.0][random.below(3)] }),
+        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
+        depth: Some(DepthTarget::cleared([0.0, 0.5, 1.0][random.below(3)])),
         pipelines: Vec::new(),
         draws: Vec::new(),
     };
@@ -316,7 +316,7 @@ fn built_in_scenes_by_descriptor_are_those_by_address() {
             let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
             renderer.render(&pass).expect("it is drawn")
         });
-        assert!(by_address.color == by_descriptor.color, "{name}: colours differ");
+        assert!(by_address.colors[0] == by_descriptor.colors[0], "{name}: colours differ");
         assert!(by_address.depth == by_descriptor.depth, "{name}: depths differ");
     }
 }

@@ -365,9 +365,14 @@ fn images_that_cannot_be_are_refused() {
             let error = make(width, height, levels, ImageUse::Sampled).unwrap_err();
             assert!(matches!(error, Error::Usage(_)), "{error}");
         }
+        let mut table = ResourceTable::new(gpu).unwrap();
+        let storage = make(4, 2, 1, ImageUse::Storage).unwrap();
+        let error = table.insert_texture(&storage).unwrap_err();
+        assert!(error.to_string().contains("ImageUse::Storage"), "{error}");
         let attachment = make(4, 2, 1, ImageUse::Attachment).unwrap();
-        let error = ResourceTable::new(gpu).unwrap().insert_texture(&attachment).unwrap_err();
-        assert!(error.to_string().contains("ImageUse::Sampled"), "{error}");
+        table.insert_texture(&attachment).unwrap();
+        let error = table.insert_storage_image(&attachment).unwrap_err();
+        assert!(error.to_string().contains("ImageUse::Attachment"), "{error}");
     });
 }
 

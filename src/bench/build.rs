@@ -109,8 +109,8 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
     Ok(Pass {
         label: name.into(),
         extent,
-        color: ColorTarget { format: Format::Rgba8Srgb, clear: [0.05, 0.06, 0.08, 1.0] },
-        depth: Some(DepthTarget { clear: 1.0 }),
+        colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [0.05, 0.06, 0.08, 1.0])],
+        depth: Some(DepthTarget::cleared(1.0)),
         pipelines: pipelines.made.into_iter().map(|(_, pipeline)| pipeline).collect(),
         draws,
     })
@@ -252,12 +252,8 @@ fn texture(side: u32, number: u32, mut random: Random, leaf: bool) -> Texture {
         levels.push(level);
         size = half;
     }
-    Texture {
-        label: format!("map {number}"),
-        extent: Extent::new(side, side),
-        format: Format::Rgba8Srgb,
-        levels,
-    }
+    let extent = Extent::new(side, side);
+    Texture::new(format!("map {number}"), extent, Format::Rgba8Srgb, levels)
 }
 
 #[cfg(test)]
@@ -300,7 +296,7 @@ mod tests {
             let (one, other) = (made(0), made(1));
             assert_eq!(one.draws.len(), other.draws.len(), "{}", scene.name);
             let texels = |pass: &Pass| match &pass.draws[0].sets[1].entries[0].resources[..] {
-                [Binding::Sampled(texture, _)] => texture.levels[0].clone(),
+                [Binding::Sampled(texture, _)] => texture.levels().unwrap()[0].clone(),
                 other => panic!("{other:?}"),
             };
             assert_eq!(texels(&one), texels(&made(0)), "{}", scene.name);

@@ -9,7 +9,8 @@
 //! | `layout` | descriptor set layouts merged from the reflection of both stages |
 //! | `pipeline` | `VkPipeline` from a [`Pipeline`](crate::pass::Pipeline) |
 //! | `bindings` | descriptor sets from binding sets |
-//! | `prepared` | targets, recorded draws, reading back |
+//! | `prepared` | recorded draws, reading back |
+//! | `target` | target images, load and store operations |
 //!
 //! The driver gets the shaders as they are. So a shader that indexes an array of resources beyond its end does what
 //! Vulkan leaves undefined, which may crash the driver. `compute` keeps such an index inside the array.
@@ -20,6 +21,7 @@ mod bindings;
 mod layout;
 mod pipeline;
 mod prepared;
+mod target;
 
 pub use prepared::Prepared;
 

@@ -18,7 +18,7 @@ use std::{
 /// The properties of the pass that a compiled pipeline depends on, beside its [`Pipeline`].
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
-    color: Format,
+    color: Option<Format>,
     depth: bool,
     /// The resources, with run-time arrays as long as the longest that the pass binds.
     resources: Vec<Resource>,
@@ -29,7 +29,8 @@ impl Variant {
     pub fn all(pass: &Pass) -> Result<Vec<Self>> {
         let variant = |pipeline: &Arc<Pipeline>| {
             let resources = pipeline.resources()?;
-            Ok(Self { color: pass.color.format, depth: pass.depth.is_some(), resources })
+            let color = pass.colors.first().map(|color| color.format);
+            Ok(Self { color, depth: pass.depth.is_some(), resources })
         };
         let mut all: Vec<Self> = pass.pipelines.iter().map(variant).collect::<Result<_>>()?;
         // The run-time arrays of each pipeline, with the length that is bound to them.
@@ -273,11 +274,11 @@ fn create(
         .depth_test_enable(variant.depth && pipeline.depth.test)
         .depth_write_enable(variant.depth && pipeline.depth.test && pipeline.depth.write)
         .depth_compare_op(compare(pipeline.depth.compare));
-    let blend_attachment = [blend_state(pipeline)];
-    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blend_attachment);
+    let blend_attachments: Vec<_> = variant.color.iter().map(|_| blend_state(pipeline)).collect();
+    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blend_attachments);
     let dynamic = vk::PipelineDynamicStateCreateInfo::default()
         .dynamic_states(&[vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR]);
-    let color_formats = [vk_format(variant.color)];
+    let color_formats: Vec<_> = variant.color.into_iter().map(vk_format).collect();
     let mut rendering =
         vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&color_formats);
     if variant.depth {

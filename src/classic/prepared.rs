@@ -1,13 +1,17 @@
 //! A pass that is ready to run: targets, recorded draws, and the copy that reads them back.
 
-use super::{bindings::Bindings, layout::STAGES, pipeline::Compiled};
+use super::{
+    bindings::Bindings,
+    layout::STAGES,
+    pipeline::Compiled,
+    target::{Target, Targets},
+};
 use crate::{
     error::{Error, Result},
-    format::Format,
     image::{self, Extent},
     pass::{Draw, Frame, IndexFormat, Pass},
     state::{Rect, Viewport},
-    vk::{Buffer, Copies, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Resources},
+    vk::{Copies, Gpu, Recorder, Recording, Resources},
 };
 use ash::vk;
 use std::sync::Arc;
@@ -15,19 +19,9 @@ use std::sync::Arc;
 /// A pass that is ready to run, as often as wanted.
 pub struct Prepared {
     draws: Recording,
-    color: Target,
-    depth: Option<Target>,
-    extent: Extent,
-    /// Whether the targets have content, and the layout that copies expect.
+    targets: Targets,
+    /// Whether the targets have content.
     executed: bool,
-}
-
-/// A target and where the host reads it.
-struct Target {
-    image: Image,
-    host: Buffer<u8>,
-    /// Fills `host`. Not part of the draws, so that their time does not include it.
-    copy: Recording,
 }
 
 impl Prepared {
@@ -37,13 +31,9 @@ impl Prepared {
         pass: &Pass,
         compiled: &[Arc<Compiled>],
     ) -> Result<Self> {
-        let color = Target::new(gpu, pass.extent, pass.color.format, "colour target")?;
-        let depth = match pass.depth {
-            Some(_) => Some(Target::new(gpu, pass.extent, Format::D32Float, "depth target")?),
-            None => None,
-        };
-        let draws = recorded(gpu, resources, pass, compiled, &color, depth.as_ref())?;
-        Ok(Self { draws, color, depth, extent: pass.extent, executed: false })
+        let targets = Targets::new(gpu, pass)?;
+        let draws = recorded(gpu, resources, pass, compiled, &targets)?;
+        Ok(Self { draws, targets, executed: false })
     }
 
     /// Replaces the draws by those of `pass`, whose targets are those that are here.
@@ -55,7 +45,7 @@ impl Prepared {
         pass: &Pass,
         compiled: &[Arc<Compiled>],
     ) -> Result<()> {
-        self.draws = recorded(gpu, resources, pass, compiled, &self.color, self.depth.as_ref())?;
+        self.draws = recorded(gpu, resources, pass, compiled, &self.targets)?;
         Ok(())
     }
 
@@ -75,18 +65,23 @@ impl Prepared {
     /// # Errors
     /// As [`Prepared::execute`], and [`Error::Usage`] if nothing was executed yet.
     pub fn read(&mut self) -> Result<Frame> {
-        self.check_executed()?;
-        let depth = self.depth.as_mut().map(|depth| depth.read(self.extent)).transpose()?;
-        Ok(Frame { color: self.read_color()?, depth })
+        let colors = self.read_first()?.into_iter().collect();
+        let depth = self.targets.depth.as_mut().map(Target::read).transpose()?.flatten();
+        Ok(Frame { colors, depth })
     }
 
     /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
     ///
     /// # Errors
-    /// As [`Prepared::read`].
+    /// As [`Prepared::read`], and [`Error::Usage`] if the pass stores no colour.
     pub fn read_color(&mut self) -> Result<image::Image> {
+        let color = self.read_first()?;
+        color.ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
+    }
+
+    fn read_first(&mut self) -> Result<Option<image::Image>> {
         self.check_executed()?;
-        self.color.read(self.extent)
+        Ok(self.targets.color.as_mut().map(Target::read).transpose()?.flatten())
     }
 
     fn check_executed(&self) -> Result<()> {
@@ -99,68 +94,16 @@ impl Prepared {
     }
 }
 
-impl Target {
-    fn new(gpu: &Gpu, extent: Extent, format: Format, name: &str) -> Result<Self> {
-        let usage = ImageUse::Attachment;
-        let image = Image::new(gpu, &ImageInfo { name, extent, format, levels: 1, usage })?;
-        let bytes = extent.pixels() * format.texel_bytes();
-        let label = format!("copy of the {name}");
-        let host = Buffer::new(gpu, &label, bytes, Memory::Readback)?;
-        let mut recorder = Recorder::new(gpu, &label)?;
-        let region = [image.0.copy_of_level(0, 0)];
-        // SAFETY: the draws leave the image in this layout; the buffer has its size.
-        unsafe {
-            gpu.0.device.cmd_copy_image_to_buffer(
-                recorder.commands.raw,
-                image.0.handle,
-                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
-                host.raw().handle,
-                &region,
-            );
-        }
-        recorder.commands.keep(image.0.clone());
-        recorder.commands.keep(host.raw().clone());
-        let copy = recorder.finish()?;
-        Ok(Self { image, host, copy })
-    }
-
-    /// The target as it is now.
-    fn read(&mut self, extent: Extent) -> Result<image::Image> {
-        self.copy.run()?;
-        Ok(image::Image { extent, format: self.image.format(), bytes: self.host.read()? })
-    }
-
-    fn attachment_layout(&self) -> vk::ImageLayout {
-        match self.image.format() {
-            Format::D32Float => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
-            Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
-                vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL
-            }
-        }
-    }
-
-    /// How the attachment starts and ends.
-    fn attachment(&self, clear: vk::ClearValue) -> vk::RenderingAttachmentInfo<'static> {
-        vk::RenderingAttachmentInfo::default()
-            .image_view(self.image.0.view)
-            .image_layout(self.attachment_layout())
-            .load_op(vk::AttachmentLoadOp::CLEAR)
-            .store_op(vk::AttachmentStoreOp::STORE)
-            .clear_value(clear)
-    }
-}
-
 /// The draws of `pass`, recorded; their uploads are done.
 fn recorded(
     gpu: &Gpu,
     resources: &mut Resources,
     pass: &Pass,
     compiled: &[Arc<Compiled>],
-    color: &Target,
-    depth: Option<&Target>,
+    targets: &Targets,
 ) -> Result<Recording> {
     let mut recorder = Recorder::new(gpu, &pass.label)?;
-    record_draws(gpu, resources, &mut recorder, pass, compiled, color, depth)?;
+    record_draws(gpu, resources, &mut recorder, pass, compiled, targets)?;
     resources.flush()?;
     recorder.finish()
 }
@@ -171,30 +114,24 @@ fn record_draws(
     recorder: &mut Recorder,
     pass: &Pass,
     compiled: &[Arc<Compiled>],
-    color: &Target,
-    depth: Option<&Target>,
+    targets: &Targets,
 ) -> Result<()> {
     let copies = Copies::new(gpu, resources, pass)?;
     copies.record(recorder)?;
     let mut bindings = Bindings::new(copies);
     recorder.commands.barrier();
-    for target in std::iter::once(color).chain(depth) {
-        recorder.transition(&target.image, vk::ImageLayout::UNDEFINED, target.attachment_layout());
+    for target in targets.iter() {
+        target.begin(recorder)?;
     }
-    let color_clear = vk::ClearColorValue { float32: pass.color.clear };
-    let color_info = [color.attachment(vk::ClearValue { color: color_clear })];
-    let clear_depth = pass.depth.map_or(1.0, |d| d.clear);
-    let depth_info = depth.map(|target| {
-        let depth_stencil = vk::ClearDepthStencilValue { depth: clear_depth, stencil: 0 };
-        target.attachment(vk::ClearValue { depth_stencil })
-    });
-    let Extent { width, height } = pass.extent;
+    let color: Vec<_> = targets.color.iter().map(Target::attachment).collect();
+    let depth = targets.depth.as_ref().map(Target::attachment);
+    let Extent { width, height } = targets.extent;
     let mut rendering = vk::RenderingInfo::default()
         .render_area(vk::Rect2D { extent: vk::Extent2D { width, height }, ..Default::default() })
         .layer_count(1)
-        .color_attachments(&color_info);
-    if let Some(info) = &depth_info {
-        rendering = rendering.depth_attachment(info);
+        .color_attachments(&color);
+    if let Some(depth) = &depth {
+        rendering = rendering.depth_attachment(depth);
     }
     let cmd = recorder.commands.raw;
     // SAFETY: the attachments are in the layouts that `rendering` names.
@@ -221,9 +158,8 @@ fn record_draws(
     }
     // SAFETY: rendering was begun.
     unsafe { gpu.0.device.cmd_end_rendering(cmd) };
-    for target in std::iter::once(color).chain(depth) {
-        let from = target.attachment_layout();
-        recorder.transition(&target.image, from, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+    for target in targets.iter() {
+        target.end(recorder);
     }
     Ok(())
 }

@@ -102,15 +102,15 @@ fn table(both: &Both) -> String {
 
 /// The first pixels of which coverage or winner differ, each with the two primitives.
 fn examples(ids: &IdPass, compute: Drawn<'_>, classic: Drawn<'_>) -> Result<Vec<String>> {
-    let Extent { width, .. } = compute.ids.color.extent;
+    let (by_compute, by_classic) = (compare::color(compute.ids)?, compare::color(classic.ids)?);
+    let Extent { width, .. } = by_compute.extent;
     let name = |id: u32| match ids.primitive(id) {
         Some((range, primitive)) => {
             format!("triangle {primitive} of instance {} of draw {}", range.instance, range.draw)
         }
         None => "nothing".into(),
     };
-    let pairs =
-        compare::ids(&compute.ids.color)?.into_iter().zip(compare::ids(&classic.ids.color)?);
+    let pairs = compare::ids(by_compute)?.into_iter().zip(compare::ids(by_classic)?);
     let differing = pairs.enumerate().filter(|(_, (compute, classic))| compute != classic);
     let line = |(at, (compute, classic)): (usize, (u32, u32))| {
         let (x, y) = (at % width as usize, at / width as usize);

@@ -13,7 +13,6 @@ use crate::{
     error::Result,
     format::Format,
     image::{Image, texel_rgba8},
-    pass::Frame,
     vk::{Gpu, Timings},
 };
 use serde_json::{Value, json};
@@ -33,15 +32,16 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         scene_view.keep_from(output)?;
     }
     clock.lap("read_scene");
-    let (frame, timings) = {
+    let (color, depth, timings) = {
         let _working = messages::working_on("drawing");
         draw(&gpu, plan.backend, &scene_view, &mut clock)?
     };
     clock.lap("read_back");
-    if !scene_view.pass.draws.is_empty() && is_blank(&frame, scene_view.pass.color.clear) {
+    let clear = scene_view.pass.colors[0].load.clear_value().unwrap_or_default();
+    if !scene_view.pass.draws.is_empty() && is_blank(&color, depth.as_ref(), clear) {
         messages::line("warning: nothing of the scene is visible: the picture is all background");
     }
-    let image = scene_view.picture(frame.color)?;
+    let image = scene_view.picture(color)?;
     let origin = plan.metadata.then_some((gpu.info(), &plan.view.scene));
     plan.picture.write(&picture::encode(&image, origin)?)?;
     clock.lap("write_picture");
@@ -74,7 +74,7 @@ fn draw(
     backend: Backend,
     scene_view: &SceneView,
     clock: &mut Clock,
-) -> Result<(Frame, Timings)> {
+) -> Result<(Image, Option<Image>, Timings)> {
     match backend {
         Backend::Compute => {
             let mut renderer = compute::Renderer::new(gpu)?;
@@ -85,7 +85,7 @@ fn draw(
             clock.lap("draw");
             let color = prepared.read_color()?;
             let depth = if is_one_color(&color) { prepared.read()?.depth } else { None };
-            Ok((Frame { color, depth }, timings))
+            Ok((color, depth, timings))
         }
         Backend::Classic => {
             let mut prepared = classic::Renderer::new(gpu)?.prepare(&scene_view.pass)?;
@@ -94,7 +94,7 @@ fn draw(
             clock.lap("draw");
             let color = prepared.read_color()?;
             let depth = if is_one_color(&color) { prepared.read()?.depth } else { None };
-            Ok((Frame { color, depth }, Timings { total_ns, stages: Vec::new() }))
+            Ok((color, depth, Timings { total_ns, stages: Vec::new() }))
         }
     }
 }
@@ -107,11 +107,10 @@ fn is_one_color(color: &Image) -> bool {
 
 /// Whether every pixel is as the clear left it: of the colour `clear`, and with no depth in front of the far
 /// plane. Blended surfaces leave no depth, so depth alone does not tell.
-fn is_blank(frame: &Frame, clear: [f32; 4]) -> bool {
+fn is_blank(color: &Image, depth: Option<&Image>, clear: [f32; 4]) -> bool {
     let far = 1f32.to_ne_bytes();
-    let depth = frame.depth.as_ref();
-    is_one_color(&frame.color)
-        && is_first_texel(&frame.color, clear)
+    is_one_color(color)
+        && is_first_texel(color, clear)
         && depth.is_none_or(|depth| depth.bytes.chunks(4).all(|pixel| pixel == far))
 }
 

@@ -8,6 +8,7 @@ use crate::{
     image::Extent,
     pass::{Draw, Executor, Frame, Pass},
     reference,
+    target::{ColorTarget, DepthTarget},
 };
 
 /// Two drawings of a pass and of its id pass, and by how much they differ.
@@ -42,8 +43,13 @@ impl Both {
         pass: &Pass,
         mut step: impl FnMut(u64),
     ) -> Result<Self> {
-        let mut pass = pass.clone();
-        pass.color.format = Format::Rgba16Float;
+        let mut pass = pass.snapshot()?.into_owned();
+        for color in &mut pass.colors {
+            // A picture to begin with has its own format.
+            if color.load.clear_value().is_some() {
+                color.format = Format::Rgba16Float;
+            }
+        }
         let ids = id_pass(&pass)?;
         let mut drawing = 0;
         let mut done = |frame: Result<Frame>| {
@@ -83,7 +89,10 @@ fn drawn((frame, ids): &(Frame, Frame)) -> Drawn<'_> {
 fn crosses_border(compute: &mut compute::Renderer, pass: &Pass) -> Result<bool> {
     let whole = |draw: &Draw| Draw { viewport: None, scissor: None, ..draw.clone() };
     let draws = pass.draws.iter().map(whole).collect();
-    let pass = Pass { extent: Extent::new(1, 1), draws, ..pass.clone() };
+    // Targets to begin with have the size of the picture, and change no vertex.
+    let colors = vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])];
+    let depth = pass.depth.as_ref().map(|_| DepthTarget::cleared(1.0));
+    let pass = Pass { extent: Extent::new(1, 1), colors, depth, draws, ..pass.clone() };
     let (_, trace) = compute.trace(&pass)?;
     let pass = pass.snapshot()?;
     Ok(any_crosses(reference::corners(&pass, &trace.positions)))

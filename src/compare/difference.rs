@@ -47,23 +47,31 @@ pub fn ids(image: &Image) -> Result<Vec<u32>> {
     Ok(image.bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
 }
 
-/// Compares two drawings of the same pass.
+/// The colour target of `frame`.
+///
+/// # Errors
+/// [`Error::Usage`] if it has none.
+pub(crate) fn color(frame: &Frame) -> Result<&Image> {
+    frame.colors.first().ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
+}
+
+/// Compares two drawings of the same pass, which stores a colour target.
 ///
 /// # Errors
 /// [`Error::Usage`] if the two are of different sizes or formats.
 pub fn compare(a: Drawn<'_>, b: Drawn<'_>) -> Result<Difference> {
-    same_shape(&a.frame.color, &b.frame.color)?;
-    same_shape(&a.ids.color, &b.ids.color)?;
-    if a.frame.color.extent != a.ids.color.extent {
-        return Err(Error::Usage(format!(
-            "the id pass is {}, its pass {}",
-            a.ids.color.extent, a.frame.color.extent
-        )));
+    let (color_a, color_b) = (color(a.frame)?, color(b.frame)?);
+    let (image_a, image_b) = (color(a.ids)?, color(b.ids)?);
+    same_shape(color_a, color_b)?;
+    same_shape(image_a, image_b)?;
+    if color_a.extent != image_a.extent {
+        let (ids, pass) = (image_a.extent, color_a.extent);
+        return Err(Error::Usage(format!("the id pass is {ids}, its pass {pass}")));
     }
 
     let mut difference =
-        Difference { pixels: a.frame.color.extent.pixels() as u64, ..Difference::default() };
-    let (ids_a, ids_b) = (ids(&a.ids.color)?, ids(&b.ids.color)?);
+        Difference { pixels: color_a.extent.pixels() as u64, ..Difference::default() };
+    let (ids_a, ids_b) = (ids(image_a)?, ids(image_b)?);
     for (&id_a, &id_b) in ids_a.iter().zip(&ids_b) {
         if (id_a == NO_PRIMITIVE) != (id_b == NO_PRIMITIVE) {
             difference.coverage_differing += 1;
@@ -71,7 +79,7 @@ pub fn compare(a: Drawn<'_>, b: Drawn<'_>) -> Result<Difference> {
             difference.winner_differing += 1;
         }
     }
-    for delta in channel_deltas(&a.frame.color, &b.frame.color)? {
+    for delta in channel_deltas(color_a, color_b)? {
         difference.colour_max = difference.colour_max.max(delta);
         difference.colour_over_1 += u64::from(delta > 1);
     }
@@ -127,8 +135,9 @@ mod tests {
     const EXTENT: Extent = Extent::new(4, 1);
 
     fn frame(color: [[u8; 4]; 4], depth: Option<[f32; 4]>) -> Frame {
+        let (extent, format) = (EXTENT, Format::Rgba8Unorm);
         Frame {
-            color: Image { extent: EXTENT, format: Format::Rgba8Unorm, bytes: color.concat() },
+            colors: vec![Image { extent, format, bytes: color.concat() }],
             depth: depth.map(|depth| Image {
                 extent: EXTENT,
                 format: Format::D32Float,
@@ -193,9 +202,10 @@ mod tests {
         let ids = id_frame([0; 4], None);
         let with_depth = id_frame([0; 4], Some([0.0; 4]));
         let color = frame([[0; 4]; 4], None);
-        let srgb = Frame { color: Image::zeroed(EXTENT, Format::Rgba8Srgb), depth: None };
-        let small =
-            Frame { color: Image::zeroed(Extent::new(1, 1), Format::Rgba8Unorm), depth: None };
+        let zeroed =
+            |extent, format| Frame { colors: vec![Image::zeroed(extent, format)], depth: None };
+        let srgb = zeroed(EXTENT, Format::Rgba8Srgb);
+        let small = zeroed(Extent::new(1, 1), Format::Rgba8Unorm);
         assert!(of((&color, &ids), (&srgb, &ids)).is_err());
         assert!(of((&color, &ids), (&small, &ids)).is_err());
         assert!(of((&color, &small), (&color, &small)).is_err());

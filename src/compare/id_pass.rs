@@ -20,7 +20,7 @@ use crate::{
     pass::{Draw, Pass, Pipeline},
     prebuilt,
     shader::{Shader, Stage},
-    target::ColorTarget,
+    target::{ColorTarget, DepthTarget, StoreOp},
 };
 use rspirv::spirv::{Decoration, Op};
 use std::{collections::HashMap, sync::Arc};
@@ -63,7 +63,7 @@ impl IdPass {
 /// Makes the id pass of `pass`.
 ///
 /// # Errors
-/// [`Error::Usage`] for a draw of a pipeline that does not exist or of instances that have no number;
+/// As [`Pass::snapshot`], if depth is loaded from an image. [`Error::Usage`] for a draw of a pipeline that does not exist or of instances that have no number;
 /// [`Error::Capacity`] if the pass has more primitives than there are ids; [`Error::Full`] if it has
 /// more instances than draws are made for.
 pub fn id_pass(pass: &Pass) -> Result<IdPass> {
@@ -79,11 +79,15 @@ pub fn id_pass(pass: &Pass) -> Result<IdPass> {
         };
         pipelines.push(Arc::new(id_pipeline(pipeline, shader)));
     }
+    let mut depth = pass.depth.as_ref().map(DepthTarget::snapshot).transpose()?;
+    if let Some(depth) = &mut depth {
+        depth.store = StoreOp::Store;
+    }
     let pass = Pass {
         label: format!("{} (ids)", pass.label),
         extent: pass.extent,
-        color: ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] },
-        depth: pass.depth,
+        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
+        depth,
         pipelines,
         draws,
     };
@@ -199,6 +203,7 @@ mod tests {
         image::Extent,
         shader::{Details, Reflection},
         state::{Blend, Cull, DepthState, FrontFace, Topology},
+        target::LoadOp,
     };
 
     fn pipeline(topology: Topology, blend: Option<Blend>) -> Pipeline {
@@ -230,7 +235,7 @@ mod tests {
         Pass {
             label: "test".into(),
             extent: Extent::new(8, 8),
-            color: ColorTarget { format: Format::Rgba8Srgb, clear: [1.0; 4] },
+            colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [1.0; 4])],
             depth: None,
             pipelines: pipelines.into_iter().map(Arc::new).collect(),
             draws,
@@ -282,7 +287,8 @@ mod tests {
             vec![Draw::new(0, 3), Draw::new(1, 3)],
         );
         let ids = id_pass(&pass).unwrap().pass;
-        assert_eq!(ids.color, ColorTarget { format: Format::Rgba8Unorm, clear: [0.0; 4] });
+        assert_eq!(ids.colors[0].format, Format::Rgba8Unorm);
+        assert_eq!(ids.colors[0].load, LoadOp::Clear([0.0; 4]));
         assert!(ids.pipelines[0].blend.is_none() && ids.pipelines[0].depth.write);
         assert!(!ids.pipelines[1].depth.write, "what was opaque keeps its depth state");
     }

@@ -30,6 +30,8 @@ mod limits;
 mod picture;
 
 pub use both::Both;
+#[cfg(feature = "cli")]
+pub(crate) use difference::color;
 pub use difference::{Difference, Drawn, NO_PRIMITIVE, compare, ids};
 pub use id_pass::{IdPass, IdRange, id_pass};
 pub use limits::Limits;

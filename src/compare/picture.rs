@@ -2,7 +2,7 @@
 
 use super::{
     Drawn, NO_PRIMITIVE,
-    difference::{channel_deltas, ids},
+    difference::{channel_deltas, color, ids},
 };
 use crate::{error::Result, format::Format, image::Image};
 
@@ -18,18 +18,19 @@ const COLOUR: [u8; 4] = [255, 0, 255, 255];
 /// # Errors
 /// As [`compare`](super::compare), which comes first.
 pub fn difference_picture(a: Drawn<'_>, b: Drawn<'_>) -> Result<Image> {
-    let extent = a.frame.color.extent;
+    let (color_a, color_b) = (color(a.frame)?, color(b.frame)?);
+    let extent = color_a.extent;
     let (width, height) = (extent.width as usize, extent.height as usize);
     let mut picture = Image::zeroed(extent, Format::Rgba8Srgb);
-    let shown = a.frame.color.display_rgba8()?;
+    let shown = color_a.display_rgba8()?;
     for (out, pixel) in picture.bytes.chunks_exact_mut(4).zip(shown.chunks_exact(4)) {
         let sum: u16 = pixel[..3].iter().map(|&channel| u16::from(channel)).sum();
         let grey = (sum / 9) as u8;
         out.copy_from_slice(&[grey, grey, grey, 255]);
     }
 
-    let (ids_a, ids_b) = (ids(&a.ids.color)?, ids(&b.ids.color)?);
-    let deltas = channel_deltas(&a.frame.color, &b.frame.color)?;
+    let (ids_a, ids_b) = (ids(color(a.ids)?)?, ids(color(b.ids)?)?);
+    let deltas = channel_deltas(color_a, color_b)?;
     let mark = |i: usize| {
         let (id_a, id_b) = (ids_a[i], ids_b[i]);
         if (id_a == NO_PRIMITIVE) != (id_b == NO_PRIMITIVE) {
@@ -76,7 +77,7 @@ mod tests {
         let image = |bytes| Image { extent, format: Format::Rgba8Unorm, bytes };
         let color = image(vec![colour; 100]);
         let ids = image(ids.iter().flat_map(|id| id.to_le_bytes()).collect());
-        (Frame { color, depth: None }, Frame { color: ids, depth: None })
+        [color, ids].map(|image| Frame { colors: vec![image], depth: None }).into()
     }
 
     fn picture(a: &(Frame, Frame), b: &(Frame, Frame)) -> Image {

@@ -1,4 +1,4 @@
-//! Records the clear of a band's targets.
+//! Records the clear of a band's rows.
 //!
 //! Reads: nothing. Writes: colour, depth. Contract and kernel: `glsl/clear.comp`, which is needed only
 //! where a colour is no repetition of one word; the device fills the rest by itself.
@@ -12,34 +12,28 @@ use crate::{
     vk::{Kernel, Recorder},
 };
 
-/// The clear values of a pass.
-#[derive(Clone, Copy, Debug)]
-pub struct Values {
-    /// Linear RGBA.
-    pub color: [f32; 4],
-    /// Depth.
-    pub depth: f32,
-}
-
-pub fn record(
+/// Clears colour to `color`, linear RGBA.
+pub fn color(
     recorder: &mut Recorder,
     kernel: &Kernel,
     target: &Target,
     format: Format,
-    values: Values,
+    color: [f32; 4],
 ) -> Result<()> {
-    recorder.group(|recorder| {
-        recorder.fill(&target.depth, values.depth.to_bits())?;
-        recorder.fill(&target.bin_bounds, values.depth.to_bits())?;
-        if let Some(texel) = image::texel_rgba8(format, values.color) {
-            return recorder.fill(&target.color, u32::from_le_bytes(texel));
-        }
-        let pixels = target.depth.len() as u32;
-        let lanes = abi::GROUP * abi::CLEAR_PIXELS;
-        recorder
-            .kernel(kernel)
-            .bind("Color", &target.color.cast::<[u32; 2]>()?)
-            .push(&Clear { color: values.color, pixels })
-            .dispatch(grid::groups(pixels, lanes))
-    })
+    if let Some(texel) = image::texel_rgba8(format, color) {
+        return recorder.fill(&target.color, u32::from_le_bytes(texel));
+    }
+    let pixels = target.depth.len() as u32;
+    let lanes = abi::GROUP * abi::CLEAR_PIXELS;
+    recorder
+        .kernel(kernel)
+        .bind("Color", &target.color.cast::<[u32; 2]>()?)
+        .push(&Clear { color, pixels })
+        .dispatch(grid::groups(pixels, lanes))
+}
+
+/// Clears depth to `depth`, and the bounds of the bins with it.
+pub fn depth(recorder: &mut Recorder, target: &Target, depth: f32) -> Result<()> {
+    recorder.fill(&target.depth, depth.to_bits())?;
+    recorder.fill(&target.bin_bounds, depth.to_bits())
 }

@@ -1,23 +1,23 @@
 //! The buffers of a frame, and the recording that fills them.
 
 use super::{
-    Renderer, binning, clear,
-    kernels::{PlanKernels, color_format},
-    ordered, primitive, raster, shade,
+    Renderer,
+    attach::Attachments,
+    binning,
+    kernels::PlanKernels,
+    ordered,
+    prepared::{Prepared, Results},
+    primitive, raster, shade,
     target::Target,
     vertex,
 };
 use crate::{
     abi::{Attribute, Batch, Piece, Triangle},
     error::Result,
-    format::Format,
     grid::{Capacities, Grid},
-    image::{Extent, Image},
-    pass::{Frame, Pass},
+    pass::Pass,
     plan::{BatchPlan, Plan},
-    vk::{
-        Buffer, Copies, Gpu, Memory, Recorder, Recording, ResourceTable, Timings, error::no_memory,
-    },
+    vk::{Buffer, Copies, Gpu, Memory, Recorder, ResourceTable},
 };
 
 /// Buffers that every band and batch of a frame shares.
@@ -58,14 +58,10 @@ pub struct Buffers {
 /// Everything that is known before recording.
 pub struct Setup {
     gpu: Gpu,
-    extent: Extent,
-    format: Format,
-    clear: clear::Values,
-    has_depth: bool,
+    results: Results,
     pub tables: Vec<ResourceTable>,
     copies: Copies,
     buffers: Buffers,
-    targets: Vec<Target>,
     kernels: PlanKernels,
     pub bands: Vec<Grid>,
     capacities: Capacities,
@@ -83,86 +79,6 @@ pub struct Stage<'a> {
     pub push: Batch,
 }
 
-/// A pass that was recorded and can run.
-///
-/// Each band is a submission of its own, so that the time-out is for one band, whatever
-/// the size of the target.
-pub struct Prepared {
-    recordings: Vec<Recording>,
-    /// Copy the targets to the host, if the host does not see the device's memory. They are not part of the
-    /// recordings, so that the time of a frame does not include them.
-    color_copies: Vec<Recording>,
-    depth_copies: Vec<Recording>,
-    extent: Extent,
-    format: Format,
-    has_depth: bool,
-    targets: Vec<Target>,
-}
-
-impl Prepared {
-    /// Runs the pass on the device and waits.
-    ///
-    /// # Errors
-    /// [`crate::Error::Lost`] if the device does not answer in time.
-    pub fn execute(&mut self) -> Result<Timings> {
-        let mut all = Timings::default();
-        for recording in &mut self.recordings {
-            let band = recording.run()?;
-            all.total_ns += band.total_ns;
-            all.stages.extend(band.stages);
-        }
-        Ok(all)
-    }
-
-    /// The targets after the last [`Prepared::execute`]; before the first, they hold anything.
-    ///
-    /// # Errors
-    /// As [`Prepared::execute`].
-    pub fn read(&mut self) -> Result<Frame> {
-        let color = self.read_color()?;
-        for copy in &mut self.depth_copies {
-            copy.run()?;
-        }
-        let depth = self.has_depth.then(|| read_depth(self.extent, &self.targets)).transpose()?;
-        Ok(Frame { color, depth })
-    }
-
-    /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
-    ///
-    /// # Errors
-    /// As [`Prepared::execute`].
-    pub fn read_color(&mut self) -> Result<Image> {
-        for copy in &mut self.color_copies {
-            copy.run()?;
-        }
-        read_color(self.extent, self.format, &self.targets)
-    }
-}
-
-/// The picture whose bands lie in `targets`.
-fn read_color(extent: Extent, format: Format, targets: &[Target]) -> Result<Image> {
-    join(extent, format, targets, |target| target.host_color.cast())
-}
-
-/// Their depth.
-fn read_depth(extent: Extent, targets: &[Target]) -> Result<Image> {
-    join(extent, Format::D32Float, targets, |target| target.host_depth.cast())
-}
-
-fn join(
-    extent: Extent,
-    format: Format,
-    targets: &[Target],
-    rows: impl Fn(&Target) -> Result<Buffer<u8>>,
-) -> Result<Image> {
-    let (mut bytes, wanted) = (Vec::new(), extent.pixels() * format.texel_bytes());
-    bytes.try_reserve_exact(wanted).map_err(|_| no_memory("the picture", wanted as u64))?;
-    for target in targets {
-        rows(target)?.append_to(&mut bytes)?;
-    }
-    Ok(Image { extent, format, bytes })
-}
-
 impl Setup {
     pub fn new(
         renderer: &mut Renderer,
@@ -176,7 +92,7 @@ impl Setup {
         // The first band is the largest.
         let band = bands[0];
         let capacities = plan.capacities();
-        let format = color_format(pass.color.format)?;
+        let attachments = Attachments::new(gpu, pass, &band)?;
         let pixels = band.padded_pixels();
         let fragment_kernels =
             plan.batches.iter().map(|b| b.fragment_kernels.len()).max().unwrap_or(1);
@@ -213,23 +129,15 @@ impl Setup {
                 device,
             )?,
         };
-        let kernels = renderer.kernels.of_plan(plan, format)?;
+        let targets = bands.iter().map(|band| Target::new(gpu, band, &attachments));
+        let targets = targets.collect::<Result<_>>()?;
+        let kernels = renderer.kernels.of_plan(plan, attachments.color_format()?)?;
         Ok(Setup {
             gpu: gpu.clone(),
-            extent: pass.extent,
-            format: pass.color.format,
-            clear: clear::Values {
-                color: pass.color.clear,
-                depth: pass.depth.map_or(1.0, |d| d.clear),
-            },
-            has_depth: pass.depth.is_some(),
+            results: Results { extent: pass.extent, attachments, targets },
             tables,
             copies,
             buffers,
-            targets: bands
-                .iter()
-                .map(|band| Target::new(gpu, band, pass.color.format))
-                .collect::<Result<_>>()?,
             kernels,
             bands,
             capacities,
@@ -239,14 +147,13 @@ impl Setup {
     /// Records the whole pass.
     pub fn record(self, renderer: &mut Renderer, plan: &Plan) -> Result<Prepared> {
         let mut recordings = Vec::new();
-        let (mut color_copies, mut depth_copies) = (Vec::new(), Vec::new());
-        for (n, (band, target)) in self.bands.iter().zip(&self.targets).enumerate() {
+        for (n, (band, target)) in self.bands.iter().zip(self.targets()).enumerate() {
             let mut recorder = Recorder::new(&self.gpu, "compute pass")?;
             if renderer.timed {
                 recorder.time_stages();
             }
             let pieces = self.pieces(band, plan)?;
-            self.begin(renderer, &mut recorder, target)?;
+            self.begin(renderer, &mut recorder, (band, target))?;
             // A single batch leaves its vertices in place for all bands. If shaders write buffers, vertex shaders
             // may be among those that do.
             let in_place = n > 0 && plan.batches.len() == 1 && self.copies.is_empty();
@@ -254,34 +161,28 @@ impl Setup {
                 let how = (!in_place, false);
                 self.batch(renderer, &mut recorder, (band, target), &pieces, (b, batch), how)?;
             }
+            self.end(&mut recorder, (band, target))?;
             recordings.push(recorder.finish()?);
-            color_copies.extend(target.copy_of_color(&self.gpu)?);
-            if self.has_depth {
-                depth_copies.extend(target.copy_of_depth(&self.gpu)?);
-            }
         }
         renderer.tables.put_back(self.tables);
-        Ok(Prepared {
-            recordings,
-            color_copies,
-            depth_copies,
-            extent: self.extent,
-            format: self.format,
-            has_depth: self.has_depth,
-            targets: self.targets,
-        })
+        Prepared::new(&self.gpu, recordings, self.results)
     }
 
-    /// Begins a band: fills colour and depth with the clear values, and the buffers that shaders write with what
+    /// Begins a band: brings its rows to what the targets begin with, and the buffers that shaders write to what
     /// the host gave. Every band executes all draws, and the first of them must not find what another band wrote.
     pub fn begin(
         &self,
         renderer: &Renderer,
         recorder: &mut Recorder,
-        target: &Target,
+        band: (&Grid, &Target),
     ) -> Result<()> {
         self.copies.record(recorder)?;
-        clear::record(recorder, &renderer.kernels.clear, target, self.format, self.clear)
+        self.results.attachments.begin(recorder, &renderer.kernels.clear, band)
+    }
+
+    /// Ends a band: brings its rows to where the targets are kept.
+    pub fn end(&self, recorder: &mut Recorder, band: (&Grid, &Target)) -> Result<()> {
+        self.results.attachments.end(recorder, band)
     }
 
     /// The pieces as the band sees them: their rectangles cut to its rows.
@@ -332,7 +233,11 @@ impl Setup {
         match &self.kernels.raster[number] {
             Some(kernel) => {
                 raster::record(recorder, &stage, kernel)?;
-                shade::record(recorder, &stage, fragment)
+                match &self.results.attachments.color {
+                    Some(_) => shade::record(recorder, &stage, fragment),
+                    // Shaders of opaque work write colour and nothing else.
+                    None => Ok(()),
+                }
             }
             None => {
                 binning::record_sort(recorder, &stage, &renderer.kernels.sort)?;
@@ -362,21 +267,14 @@ impl Setup {
         (&self.gpu, &self.buffers)
     }
 
-    /// The frame, once all bands have run.
-    pub fn read(&self) -> Result<Frame> {
-        for target in &self.targets {
-            let copies = [target.copy_of_color(&self.gpu)?, target.copy_of_depth(&self.gpu)?];
-            for mut copy in copies.into_iter().flatten() {
-                copy.run()?;
-            }
-        }
-        let depth = self.has_depth.then(|| read_depth(self.extent, &self.targets)).transpose()?;
-        Ok(Frame { color: read_color(self.extent, self.format, &self.targets)?, depth })
+    /// Where the results are, once all bands have run.
+    pub fn results(&self) -> &Results {
+        &self.results
     }
 
     /// The target of each band.
     pub fn targets(&self) -> &[Target] {
-        &self.targets
+        &self.results.targets
     }
 }
 

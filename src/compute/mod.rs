@@ -4,7 +4,7 @@
 //! not depend on user code, a twin in `reference/`:
 //!
 //! ```text
-//! clear      the targets' clear values, once per band
+//! clear      the targets' clear values, once per band; loads are copies (`attach`)
 //! vertex     the user's vertex shader, once per vertex slot
 //! primitive  assembly, clipping, culling, fixed-point setup; counts what each cell will list
 //! binning    scan of the counts, scatter of the keys, sort where order matters
@@ -16,11 +16,13 @@
 //! [`Prepared::execute`] runs it, with no decision by the CPU in between; [`Prepared::read`] returns
 //! the pictures. [`Renderer::trace`] stops after every batch and copies all intermediates to the host.
 
+mod attach;
 mod binning;
 mod clear;
 mod frame;
 mod kernels;
 mod ordered;
+mod prepared;
 mod primitive;
 mod raster;
 mod shade;
@@ -29,7 +31,7 @@ mod target;
 mod trace;
 mod vertex;
 
-pub use frame::Prepared;
+pub use prepared::Prepared;
 
 use crate::{
     error::Result,

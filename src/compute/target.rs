@@ -1,15 +1,15 @@
-//! The targets of one band: colour and depth in rows, where kernels read and write them and where the
-//! host finds them.
+//! The rows of one band: colour and depth where kernels read and write them, and where the host finds them.
 //!
-//! Kernels work on the target's own rows, with no copy of a bin between a clear and a resolve of all
+//! Kernels work on the rows, with no copy of a bin between a clear and a resolve of all
 //! pixels; `docs/tried.md` has the cost of such copies.
 
+use super::attach::{Attachment, Attachments};
 use crate::{
     error::Result,
-    format::Format,
     grid::Grid,
     vk::{Buffer, Gpu, Memory, Recorder, Recording},
 };
+use bytemuck::Pod;
 
 /// Colour and depth of one band, row by row.
 pub struct Target {
@@ -20,24 +20,21 @@ pub struct Target {
     /// The least and the greatest depth that a bin may hold, as the batches of opaque work that follow
     /// ask for them.
     pub bin_bounds: Buffer<[f32; 2]>,
-    /// The memory that the host reads; the same as `color` if the host sees the device's memory.
-    pub host_color: Buffer<u32>,
+    /// The memory where the host reads colour, if it does; the same as `color` if the host sees the device's memory.
+    pub host_color: Option<Buffer<u32>>,
     /// See `host_color`.
-    pub host_depth: Buffer<f32>,
+    pub host_depth: Option<Buffer<f32>>,
 }
 
 impl Target {
-    pub fn new(gpu: &Gpu, band: &Grid, format: Format) -> Result<Self> {
+    pub fn new(gpu: &Gpu, band: &Grid, attachments: &Attachments) -> Result<Self> {
+        let Attachments { color, depth, .. } = attachments;
         let pixels = band.extent.pixels();
-        let words = pixels * format.texel_bytes() / 4;
-        let host_color = Buffer::new(gpu, "color", words, Memory::Readback)?;
-        let host_depth = Buffer::new(gpu, "depth", pixels, Memory::Readback)?;
-        let (color, depth) = if gpu.has_unified_memory() {
-            (host_color.clone(), host_depth.clone())
-        } else {
-            let memory = Memory::Device;
-            (Buffer::new(gpu, "color", words, memory)?, Buffer::new(gpu, "depth", pixels, memory)?)
-        };
+        let words = pixels * attachments.rows_format().texel_bytes() / 4;
+        let (color, host_color) =
+            rows(gpu, "color", words, color.as_ref().is_some_and(Attachment::is_read))?;
+        let (depth, host_depth) =
+            rows(gpu, "depth", pixels, depth.as_ref().is_some_and(Attachment::is_read))?;
         let bins = band.bins() as usize;
         let bin_bounds = Buffer::new(gpu, "bounds of bins", bins, Memory::Device)?;
         Ok(Self { color, depth, bin_bounds, host_color, host_depth })
@@ -45,25 +42,45 @@ impl Target {
 
     /// Brings colour to the host, where that takes anything.
     pub fn copy_of_color(&self, gpu: &Gpu) -> Result<Option<Recording>> {
-        copy(gpu, "copy of the colour target", &self.color, &self.host_color)
+        copy(gpu, "copy of the colour target", &self.color, self.host_color.as_ref())
     }
 
     /// Brings depth to the host, where that takes anything.
     pub fn copy_of_depth(&self, gpu: &Gpu) -> Result<Option<Recording>> {
-        copy(gpu, "copy of the depth target", &self.depth, &self.host_depth)
+        copy(gpu, "copy of the depth target", &self.depth, self.host_depth.as_ref())
     }
 }
 
-fn copy<T: bytemuck::Pod>(
+/// Memory for `len` elements of rows, and the memory where the host reads them.
+fn rows<T: Pod>(
+    gpu: &Gpu,
+    name: &str,
+    len: usize,
+    is_read: bool,
+) -> Result<(Buffer<T>, Option<Buffer<T>>)> {
+    if !is_read {
+        return Ok((Buffer::new(gpu, name, len, Memory::Device)?, None));
+    }
+    let host = Buffer::new(gpu, name, len, Memory::Readback)?;
+    let rows = match gpu.has_unified_memory() {
+        true => host.clone(),
+        false => Buffer::new(gpu, name, len, Memory::Device)?,
+    };
+    Ok((rows, Some(host)))
+}
+
+fn copy<T: Pod>(
     gpu: &Gpu,
     label: &str,
     from: &Buffer<T>,
-    to: &Buffer<T>,
+    to: Option<&Buffer<T>>,
 ) -> Result<Option<Recording>> {
-    if gpu.has_unified_memory() {
-        return Ok(None);
+    match to {
+        Some(to) if !gpu.has_unified_memory() => {
+            let mut recorder = Recorder::new(gpu, label)?;
+            recorder.copy(from, to)?;
+            recorder.finish().map(Some)
+        }
+        _ => Ok(None),
     }
-    let mut recorder = Recorder::new(gpu, label)?;
-    recorder.copy(from, to)?;
-    recorder.finish().map(Some)
 }

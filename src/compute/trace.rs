@@ -28,7 +28,7 @@ impl Setup {
             let mut batches = Vec::new();
             let pieces = self.pieces(band, plan)?;
             let mut recorder = Recorder::new(gpu, "beginning of a band")?;
-            self.begin(renderer, &mut recorder, target)?;
+            self.begin(renderer, &mut recorder, (band, target))?;
             recorder.submit()?;
             for (number, batch) in plan.batches.iter().enumerate() {
                 let mut recorder = Recorder::new(gpu, "traced batch")?;
@@ -67,9 +67,19 @@ impl Setup {
                     depth: depth.read()?,
                 });
             }
+            let mut recorder = Recorder::new(gpu, "end of a band")?;
+            self.end(&mut recorder, (band, target))?;
+            recorder.submit()?;
             bands.push(batches);
         }
-        let frame = self.read()?;
+        let results = self.results();
+        for target in self.targets() {
+            let copies = [target.copy_of_color(gpu)?, target.copy_of_depth(gpu)?];
+            for mut copy in copies.into_iter().flatten() {
+                copy.run()?;
+            }
+        }
+        let frame = results.read()?;
         renderer.tables.put_back(self.tables);
         Ok((frame, Trace { positions: Positions::new(shaded), bands }))
     }

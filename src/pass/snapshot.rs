@@ -1,7 +1,7 @@
 //! A pass whose resources live on a device, as plain data of the host.
 
 use super::{Binding, BindingSet, Buffer, BufferRange, Pass};
-use crate::error::Result;
+use crate::{error::Result, texture::Texture};
 use std::{borrow::Cow, collections::HashMap, sync::Arc};
 
 impl Pass {
@@ -16,6 +16,12 @@ impl Pass {
         }
         let mut copied = Copied::default();
         let mut pass = self.clone();
+        for color in &mut pass.colors {
+            *color = color.snapshot()?;
+        }
+        if let Some(depth) = &mut pass.depth {
+            *depth = depth.snapshot()?;
+        }
         for draw in &mut pass.draws {
             let indices = draw.indices.iter_mut().map(|indices| &mut indices.range);
             draw.vertex_buffers.iter_mut().chain(indices).try_for_each(|r| copied.range(r))?;
@@ -26,25 +32,29 @@ impl Pass {
 
     fn uses_device(&self) -> bool {
         let is_there = |range: &BufferRange| range.buffer.device_memory().is_some();
-        self.draws.iter().any(|draw| {
-            draw.vertex_buffers.iter().any(is_there)
-                || draw.indices.as_ref().is_some_and(|indices| is_there(&indices.range))
-                || draw.sets.iter().any(|set| ranges(set).any(is_there))
-        })
+        let binds_there = |binding: &Binding| match binding {
+            Binding::Uniform(range) | Binding::Storage(range) => is_there(range),
+            Binding::Sampled(texture, _) | Binding::Texture(texture) => texture.image().is_some(),
+            Binding::Sampler(_) => false,
+        };
+        let all = |set: &BindingSet| {
+            set.entries.iter().flat_map(|entry| &entry.resources).any(binds_there)
+        };
+        self.colors.iter().any(|color| color.image.is_some())
+            || self.depth.as_ref().is_some_and(|depth| depth.image.is_some())
+            || self.draws.iter().any(|draw| {
+                draw.vertex_buffers.iter().any(is_there)
+                    || draw.indices.as_ref().is_some_and(|indices| is_there(&indices.range))
+                    || draw.sets.iter().any(|set| all(set))
+            })
     }
-}
-
-fn ranges(set: &BindingSet) -> impl Iterator<Item = &BufferRange> {
-    set.entries.iter().flat_map(|entry| &entry.resources).filter_map(|binding| match binding {
-        Binding::Uniform(range) | Binding::Storage(range) => Some(range),
-        Binding::Sampled(..) | Binding::Texture(_) | Binding::Sampler(_) => None,
-    })
 }
 
 /// What was copied already, so that draws share it as before. The keys are addresses of what the pass holds.
 #[derive(Default)]
 struct Copied {
     buffers: HashMap<*const Buffer, Arc<Buffer>>,
+    textures: HashMap<*const Texture, Arc<Texture>>,
     sets: HashMap<*const BindingSet, Arc<BindingSet>>,
 }
 
@@ -62,6 +72,21 @@ impl Copied {
         Ok(())
     }
 
+    fn texture(&mut self, texture: &mut Arc<Texture>) -> Result<()> {
+        let address = Arc::as_ptr(texture);
+        if let Some(copy) = self.textures.get(&address) {
+            *texture = copy.clone();
+        } else if let Some(image) = texture.image() {
+            let levels = (0..image.levels()).map(|n| Ok(image.download(n)?.bytes));
+            let levels = levels.collect::<Result<_>>()?;
+            let copy = Texture::new(texture.label(), texture.extent(), texture.format(), levels);
+            let copy = Arc::new(copy);
+            self.textures.insert(address, copy.clone());
+            *texture = copy;
+        }
+        Ok(())
+    }
+
     fn set(&mut self, set: &mut Arc<BindingSet>) -> Result<()> {
         let address = Arc::as_ptr(set);
         if let Some(copy) = self.sets.get(&address) {
@@ -70,8 +95,12 @@ impl Copied {
         }
         let mut copy = BindingSet::clone(set);
         for binding in copy.entries.iter_mut().flat_map(|entry| &mut entry.resources) {
-            if let Binding::Uniform(range) | Binding::Storage(range) = binding {
-                self.range(range)?;
+            match binding {
+                Binding::Uniform(range) | Binding::Storage(range) => self.range(range)?,
+                Binding::Sampled(texture, _) | Binding::Texture(texture) => {
+                    self.texture(texture)?
+                }
+                Binding::Sampler(_) => {}
             }
         }
         let copy = Arc::new(copy);

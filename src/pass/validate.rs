@@ -6,16 +6,18 @@ mod pipeline;
 use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline, StepRate};
 use crate::{
     error::{Error, Result},
-    format::Format,
     image::Extent,
     shader::{Resource, ResourceKind},
     state::{Rect, Viewport},
     texture::Texture,
+    vk,
 };
 use std::{collections::HashSet, sync::Arc};
 
 /// Largest side of a target; every device with Vulkan 1.3 on a desktop has it.
 const TARGET_SIDE_PX: u32 = 16384;
+/// Most colour targets.
+const COLOR_TARGETS: usize = 1;
 /// Largest distance of a viewport's edge from the origin that Vulkan promises for that side.
 const VIEWPORT_BOUND_PX: f32 = 32768.0;
 /// Largest stride and attribute offset that Vulkan promises.
@@ -46,7 +48,14 @@ impl Pass {
             pipeline::check(pipeline).map_err(named(format!("pipeline `{}`", pipeline.label)))
         });
         let resources = checked.collect::<Result<Vec<_>>>()?;
-        let mut verified = Verified { ranges, sets: HashSet::new(), textures: HashSet::new() };
+        let colors = self.colors.iter().filter_map(|color| color.image.as_ref());
+        let depth = self.depth.iter().filter_map(|depth| depth.image.as_ref());
+        let mut verified = Verified {
+            ranges,
+            targets: colors.chain(depth).collect(),
+            sets: HashSet::new(),
+            textures: HashSet::new(),
+        };
         for (n, draw) in self.draws.iter().enumerate() {
             let Some(pipeline) = self.pipelines.get(draw.pipeline) else {
                 return Err(Error::Usage(format!(
@@ -66,16 +75,14 @@ impl Pass {
         if !sides.contains(&self.extent.width) || !sides.contains(&self.extent.height) {
             return Err(format!("{} pixels; each side is 1 to {TARGET_SIDE_PX}", self.extent));
         }
-        let format = self.color.format;
-        if !matches!(format, Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float) {
-            return Err(format!("{format:?} is no format of a colour target"));
+        if self.colors.len() > COLOR_TARGETS {
+            let targets = self.colors.len();
+            return Err(format!("{targets} colour targets; there is at most {COLOR_TARGETS}"));
         }
-        match self.depth {
-            Some(depth) if !(0.0..=1.0).contains(&depth.clear) => {
-                Err(format!("depth is cleared to {}, outside 0..=1", depth.clear))
-            }
-            _ => Ok(()),
+        for color in &self.colors {
+            color.check(self.extent)?;
         }
+        self.depth.as_ref().map_or(Ok(()), |depth| depth.check(self.extent))
     }
 }
 
@@ -84,6 +91,8 @@ impl Pass {
 /// content: the pass does not change while it is checked.
 struct Verified<'r> {
     ranges: &'r mut IndexRanges,
+    /// The images that the pass draws to.
+    targets: Vec<&'r vk::Image>,
     /// Pipeline, number of the set, set: the set binds all that the pipeline's shaders declare under this
     /// number.
     sets: HashSet<(usize, u32, *const BindingSet)>,
@@ -207,28 +216,35 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
     }
     match texture {
         Some(texture) if verified.textures.insert(Arc::as_ptr(texture)) => {
-            check_texture(texture).map_err(|fault| format!("texture `{}` {fault}", texture.label))
+            check_texture(texture, &verified.targets)
+                .map_err(|fault| format!("texture `{}` {fault}", texture.label()))
         }
         _ => Ok(()),
     }
 }
 
-fn check_texture(texture: &Texture) -> Fault {
-    let Extent { width, height } = texture.extent;
-    if texture.format == Format::D32Float {
-        return Err("has a depth format".into());
+fn check_texture(texture: &Texture, targets: &[&vk::Image]) -> Fault {
+    if let Some(image) = texture.image() {
+        if image.usage() != vk::ImageUse::Attachment {
+            return Err("is an image that was not made with `ImageUse::Attachment`".into());
+        }
+        if targets.iter().any(|target| target.is(image)) {
+            return Err("is a target of the pass that samples it: draw to another image".into());
+        }
+        return Ok(());
     }
+    let Extent { width, height } = texture.extent();
     let sides = 1..=TARGET_SIDE_PX;
     if !sides.contains(&width) || !sides.contains(&height) {
-        return Err(format!("is {} texels; each side is 1 to {TARGET_SIDE_PX}", texture.extent));
+        return Err(format!("is {} texels; each side is 1 to {TARGET_SIDE_PX}", texture.extent()));
     }
-    let most = width.max(height).ilog2() as usize + 1;
-    if !(1..=most).contains(&texture.levels.len()) {
-        return Err(format!("has {} levels, not 1 to {most}", texture.levels.len()));
+    let (levels, most) = (texture.levels().unwrap_or_default(), width.max(height).ilog2() + 1);
+    if !(1..=most as usize).contains(&levels.len()) {
+        return Err(format!("has {} levels, not 1 to {most}", levels.len()));
     }
-    for (n, level) in texture.levels.iter().enumerate() {
+    for (n, level) in levels.iter().enumerate() {
         let extent = Extent::new((width >> n).max(1), (height >> n).max(1));
-        let bytes = extent.pixels() * texture.format.texel_bytes();
+        let bytes = extent.pixels() * texture.format().texel_bytes();
         if level.len() != bytes {
             return Err(format!("has {} bytes in level {n}, not {bytes}", level.len()));
         }

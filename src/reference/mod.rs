@@ -15,6 +15,7 @@ pub mod window;
 use crate::{
     grid::Grid,
     pass::{Pass, Pipeline},
+    target::LoadOp,
     trace::{BatchTrace, Positions, Trace},
 };
 use assembly::Assembled;
@@ -76,7 +77,7 @@ fn difference_in_band(
     batches: &[BatchTrace],
 ) -> Option<String> {
     let mut all = assembly::run(pass);
-    let mut depth = vec![pass.depth.map_or(1.0, |depth| depth.clear); grid.extent.pixels()];
+    let mut depth = depth_before(pass, grid);
     for (number, given) in batches.iter().enumerate() {
         let primitives: Vec<_> = all.by_ref().take(given.primitives.len()).collect();
         let expected = batch(Input { pass, grid, primitives: &primitives, positions }, depth);
@@ -91,6 +92,20 @@ fn difference_in_band(
         depth = expected.depth;
     }
     all.next().map(|left| format!("assembly: no batch has {}", left.primitive))
+}
+
+/// The depth of the band's pixels before the first batch.
+fn depth_before(pass: &Pass, grid: &Grid) -> Vec<f32> {
+    let pixels = grid.extent.pixels();
+    match pass.depth.as_ref().map(|depth| &depth.load) {
+        Some(LoadOp::Clear(depth)) => vec![*depth; pixels],
+        Some(LoadOp::Upload(picture)) => {
+            let first = grid.origin_y as usize * grid.extent.width as usize;
+            picture.depths()[first..first + pixels].to_vec()
+        }
+        Some(LoadOp::Load) => unreachable!("a snapshot loads from no image"),
+        None => vec![1.0; pixels],
+    }
 }
 
 /// Says which vertex of `primitives` was not shaded.

@@ -16,7 +16,7 @@ use crate::{
 pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
     let mut visibility = vec![0; input.grid.extent.pixels()];
     for (number, parts) in primitives.iter().enumerate() {
-        let state = match input.pass.depth {
+        let state = match &input.pass.depth {
             Some(_) => input.pipeline(number).depth,
             None => DepthState::OFF,
         };

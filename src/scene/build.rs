@@ -231,7 +231,9 @@ impl Builder {
                     ..MAX_TEXTURE_BYTES => job(),
                     _ => Err(format!("the textures exceed {} GiB", MAX_TEXTURE_BYTES >> 30)),
                 };
-                let bytes = |t: &Texture| t.levels.iter().map(|l| l.len() as u64).sum();
+                let bytes = |t: &Texture| {
+                    t.levels().unwrap_or_default().iter().map(|l| l.len() as u64).sum()
+                };
                 used.fetch_add(texture.as_ref().map_or(0, bytes), Ordering::Relaxed);
                 if let Ok(mut done) = done.lock() {
                     done.push((i, texture));

@@ -76,8 +76,8 @@ impl Scene {
         Ok(Pass {
             label: self.name.clone(),
             extent,
-            color: ColorTarget { format: options.format, clear: [r * a, g * a, b * a, a] },
-            depth: Some(DepthTarget { clear: 1.0 }),
+            colors: vec![ColorTarget::cleared(options.format, [r * a, g * a, b * a, a])],
+            depth: Some(DepthTarget::cleared(1.0)),
             draws: draws.collect(),
             pipelines: self.pipelines.clone(),
         })

@@ -1,10 +1,14 @@
 //! Images: sampled textures, storage images and attachments.
 
-use super::gpu::{Gpu, Shared};
+use super::{
+    gpu::{Gpu, Shared},
+    owner::same_device,
+    recorder::Recorder,
+};
 use crate::{
     error::{Error, Result},
     format::Format,
-    image::Extent,
+    image::{self, Extent},
 };
 use ash::vk;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
@@ -17,7 +21,8 @@ pub enum ImageUse {
     Sampled,
     /// Read and written by shaders as a storage image.
     Storage,
-    /// A colour or depth attachment that is copied out.
+    /// Drawn to by passes and sampled by shaders, as often as wanted. It can be uploaded and read back at any time, and
+    /// holds zeros until something else is written.
     Attachment,
 }
 
@@ -42,7 +47,10 @@ pub struct Image(pub(crate) Arc<RawImage>);
 
 pub(crate) struct RawImage {
     pub handle: vk::Image,
+    /// All levels.
     pub view: vk::ImageView,
+    /// Level 0, if there are more and passes draw to it.
+    first_level: Option<vk::ImageView>,
     pub name: String,
     pub extent: Extent,
     pub format: Format,
@@ -53,19 +61,26 @@ pub(crate) struct RawImage {
 }
 
 impl Image {
-    /// An image with undefined content.
+    /// An image. It has no content yet, unless it is for [`ImageUse::Attachment`].
     ///
     /// # Errors
     /// [`Error::Usage`] if a side has no pixels, if there are no levels, or if there are more levels than it takes to
-    /// halve the longer side to one pixel. [`Error::Full`] if it has more pixels a side than the device allows, [`Error::Capacity`] if
-    /// there is no memory for it.
+    /// halve the longer side to one pixel. [`Error::Full`] if it has more pixels a side than the device allows,
+    /// [`Error::Capacity`] if there is no memory for it. [`Error::Device`] for a depth image on a device that computes
+    /// but does not draw: Vulkan lets such a device copy no depth.
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", info.name, info.extent);
-        let (side, of) = match info.usage {
-            ImageUse::Attachment => {
-                (gpu.limits().target_side_px, "targets that it draws to itself")
-            }
-            ImageUse::Sampled | ImageUse::Storage => (gpu.limits().image_side_px, "images"),
+        let depth = info.format == Format::D32Float;
+        let attached = info.usage == ImageUse::Attachment && gpu.has_graphics();
+        if depth && !gpu.has_graphics() {
+            return Err(Error::Device(format!(
+                "{what} cannot be made on {}, which has no queue that both draws and computes: depth images need one",
+                gpu.name()
+            )));
+        }
+        let (side, of) = match attached {
+            true => (gpu.limits().target_side_px, "targets"),
+            false => (gpu.limits().image_side_px, "images"),
         };
         if info.extent.width.max(info.extent.height) > side {
             return Err(Error::Full(format!(
@@ -86,14 +101,17 @@ impl Image {
             )));
         }
         let shared = gpu.0.clone();
-        let depth = info.format == Format::D32Float;
         let transfer = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
-        let usage = match (info.usage, depth) {
-            (ImageUse::Sampled, _) => vk::ImageUsageFlags::SAMPLED,
-            (ImageUse::Storage, _) => vk::ImageUsageFlags::STORAGE,
-            (ImageUse::Attachment, true) => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-            (ImageUse::Attachment, false) => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+        let mut usage = match info.usage {
+            ImageUse::Sampled | ImageUse::Attachment => vk::ImageUsageFlags::SAMPLED,
+            ImageUse::Storage => vk::ImageUsageFlags::STORAGE,
         };
+        if attached {
+            usage |= match depth {
+                true => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+                false => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+            };
+        }
         let create = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(vk_format(info.format))
@@ -111,6 +129,7 @@ impl Image {
         let mut raw = RawImage {
             handle,
             view: vk::ImageView::null(),
+            first_level: None,
             name: info.name.to_string(),
             extent: info.extent,
             format: info.format,
@@ -130,18 +149,53 @@ impl Image {
                 .device
                 .bind_image_memory(handle, memory, offset)
                 .map_err(|e| shared.failure(&format!("binding memory of {what}"), e))?;
-            let view = vk::ImageViewCreateInfo::default()
-                .image(handle)
-                .view_type(vk::ImageViewType::TYPE_2D)
-                .format(vk_format(info.format))
-                .subresource_range(raw.range());
-            raw.view = shared
-                .device
-                .create_image_view(&view, None)
-                .map_err(|e| shared.failure(&format!("creating the view of {what}"), e))?;
+            let view_of = |range| {
+                let view = vk::ImageViewCreateInfo::default()
+                    .image(handle)
+                    .view_type(vk::ImageViewType::TYPE_2D)
+                    .format(vk_format(info.format))
+                    .subresource_range(range);
+                shared
+                    .device
+                    .create_image_view(&view, None)
+                    .map_err(|e| shared.failure(&format!("creating the view of {what}"), e))
+            };
+            raw.view = view_of(raw.range())?;
+            if attached && info.levels > 1 {
+                raw.first_level = Some(view_of(raw.range().level_count(1))?);
+            }
         }
         shared.set_name(handle, info.name);
-        Ok(Self(Arc::new(raw)))
+        let image = Self(Arc::new(raw));
+        if info.usage == ImageUse::Attachment {
+            let mut recorder = Recorder::new(gpu, "clear of a new image")?;
+            recorder.clear_image(&image);
+            recorder.submit()?;
+        }
+        Ok(image)
+    }
+
+    /// The present content of mip level `level`: copied by the device, and waited for.
+    ///
+    /// # Errors
+    /// As [`Recorder::download_image`] and [`super::Recording::run`].
+    pub fn download(&self, level: u32) -> Result<image::Image> {
+        let mut recorder = Recorder::new(&Gpu(self.0.gpu.clone()), "download")?;
+        let copy = recorder.download_image(self, level)?;
+        recorder.submit()?;
+        let extent = level_extent(self.extent(), level);
+        Ok(image::Image { extent, format: self.format(), bytes: copy.read()? })
+    }
+
+    /// Replaces the content of all levels, from the largest down, and waits. [`Recorder::upload_image`] does not wait.
+    ///
+    /// # Errors
+    /// As [`Recorder::upload_image`] and [`super::Recording::run`].
+    pub fn upload(&self, levels: &[impl AsRef<[u8]>]) -> Result<()> {
+        let mut recorder = Recorder::new(&Gpu(self.0.gpu.clone()), "upload")?;
+        recorder.upload_image(self, levels)?;
+        recorder.submit()?;
+        Ok(())
     }
 
     /// Size of level 0.
@@ -154,9 +208,31 @@ impl Image {
         self.0.format
     }
 
+    /// Whether `other` is the same image.
+    pub fn is(&self, other: &Image) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
+    /// Mip levels.
+    pub fn levels(&self) -> u32 {
+        self.0.levels
+    }
+
+    /// What it was made for.
+    pub fn usage(&self) -> ImageUse {
+        self.0.usage
+    }
+
     /// The name it was made with.
     pub fn name(&self) -> &str {
         &self.0.name
+    }
+}
+
+impl Image {
+    /// Refuses an image of another device.
+    pub(crate) fn check_device(&self, gpu: &Gpu) -> Result<()> {
+        same_device(self, gpu)
     }
 }
 
@@ -198,11 +274,16 @@ impl RawImage {
             .image_extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 })
     }
 
-    /// The layout in which shaders find it.
+    /// The view that passes draw to.
+    pub fn target_view(&self) -> vk::ImageView {
+        self.first_level.unwrap_or(self.view)
+    }
+
+    /// The layout between recordings, in which shaders find it.
     pub fn shader_layout(&self) -> vk::ImageLayout {
         match self.usage {
-            ImageUse::Sampled => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
-            ImageUse::Storage | ImageUse::Attachment => vk::ImageLayout::GENERAL,
+            ImageUse::Sampled | ImageUse::Attachment => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+            ImageUse::Storage => vk::ImageLayout::GENERAL,
         }
     }
 }
@@ -212,6 +293,7 @@ impl Drop for RawImage {
         // SAFETY: the last handle goes; recordings and tables that use it hold it.
         unsafe {
             self.gpu.device.destroy_image_view(self.view, None);
+            self.gpu.device.destroy_image_view(self.first_level.unwrap_or_default(), None);
             self.gpu.device.destroy_image(self.handle, None);
         }
         if let Some(allocation) = self.allocation.take() {

@@ -63,6 +63,7 @@ mod requirements;
 mod resources;
 mod sampler;
 mod table;
+mod transfer;
 
 pub use buffer::{Buffer, Memory};
 pub(crate) use copies::Copies;

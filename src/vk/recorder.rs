@@ -9,7 +9,7 @@
 
 use super::{
     address::BLOCK_BYTES,
-    buffer::{Buffer, Memory, RawBuffer},
+    buffer::{Buffer, RawBuffer},
     gpu::Gpu,
     image::Image,
     kernel::Kernel,
@@ -99,147 +99,6 @@ impl Recorder {
         result
     }
 
-    /// Fills all of `buffer` with `word`.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if it does not start and end at a whole word.
-    pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) -> Result<()> {
-        same_device(self, buffer)?;
-        let (raw, offset) = (buffer.raw().clone(), buffer.offset());
-        if buffer.is_empty() {
-            return Ok(());
-        }
-        if !offset.is_multiple_of(4) || !buffer.bytes().is_multiple_of(4) {
-            let (name, bytes) = (buffer.name(), buffer.bytes());
-            let fault = format!(
-                "{bytes} bytes of buffer `{name}` from byte {offset} on are not whole words"
-            );
-            return Err(Error::Usage(format!("{fault}: a fill writes words of 4 bytes")));
-        }
-        self.barrier();
-        // SAFETY: the range is whole words inside the buffer.
-        unsafe {
-            self.gpu.0.device.cmd_fill_buffer(
-                self.commands.raw,
-                raw.handle,
-                offset,
-                buffer.bytes(),
-                word,
-            );
-        }
-        self.commands.keep(raw);
-        Ok(())
-    }
-
-    /// Copies all of `from` to the start of `to`.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if it does not fit, or if both are in one buffer and overlap.
-    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) -> Result<()> {
-        same_device(self, from)?;
-        same_device(self, to)?;
-        if from.len() > to.len() {
-            return Err(Error::Usage(format!(
-                "{} elements of buffer `{}` do not fit into the {} of `{}`",
-                from.len(),
-                from.name(),
-                to.len(),
-                to.name()
-            )));
-        }
-        if from.is_empty() {
-            return Ok(());
-        }
-        let distance = from.offset().abs_diff(to.offset());
-        if from.raw().handle == to.raw().handle && distance < from.bytes() {
-            let (name, bytes, at, to) = (from.name(), from.bytes(), from.offset(), to.offset());
-            return Err(Error::Usage(format!(
-                "{bytes} bytes of buffer `{name}` cannot be copied from byte {at} to byte {to}, since the two ranges \
-                 overlap: copy through another buffer"
-            )));
-        }
-        self.barrier();
-        let region = [vk::BufferCopy::default()
-            .src_offset(from.offset())
-            .dst_offset(to.offset())
-            .size(from.bytes())];
-        // SAFETY: both ranges are inside their buffers.
-        unsafe {
-            let (from, to) = (from.raw().handle, to.raw().handle);
-            self.gpu.0.device.cmd_copy_buffer(self.commands.raw, from, to, &region);
-        }
-        self.commands.keep(from.raw().clone());
-        self.commands.keep(to.raw().clone());
-        Ok(())
-    }
-
-    /// Copies `content` to the start of `buffer` when the recording runs.
-    ///
-    /// # Errors
-    /// As [`Recorder::copy`].
-    pub fn upload<T: Pod>(&mut self, buffer: &Buffer<T>, content: &[T]) -> Result<()> {
-        let name = format!("upload of {}", buffer.name());
-        let staging = Buffer::upload(&self.gpu, &name, content)?;
-        self.copy(&staging, buffer)
-    }
-
-    /// Copies all of `buffer` to memory that can be [read](Buffer::read) once the recording has run.
-    ///
-    /// # Errors
-    /// [`Error::Capacity`] without memory for the copy.
-    pub fn download<T: Pod>(&mut self, buffer: &Buffer<T>) -> Result<Buffer<T>> {
-        let name = format!("download of {}", buffer.name());
-        let copy = Buffer::new(&self.gpu, &name, buffer.len(), Memory::Readback)?;
-        self.copy(buffer, &copy)?;
-        Ok(copy)
-    }
-
-    /// Uploads all levels of `image`, from the largest down, and leaves it as shaders expect it.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if the levels are not those of the image.
-    pub fn upload_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
-        same_device(self, image)?;
-        let raw = &image.0;
-        let total = levels.iter().map(|level| level.as_ref().len()).sum();
-        let name = format!("upload of {}", raw.name);
-        let staging = Buffer::<u8>::new(&self.gpu, &name, total, Memory::Upload)?;
-        let (mut regions, mut at) = (Vec::new(), 0);
-        for (n, level) in levels.iter().enumerate() {
-            let level = level.as_ref();
-            let region = raw.copy_of_level(n as u32, at as u64);
-            let e = region.image_extent;
-            let bytes = e.width as usize * e.height as usize * raw.format.texel_bytes();
-            if level.len() != bytes || levels.len() != raw.levels as usize {
-                return Err(Error::Usage(format!(
-                    "image `{}` has {} levels, level {n} with {bytes} bytes; not {} with {}",
-                    raw.name,
-                    raw.levels,
-                    levels.len(),
-                    level.len()
-                )));
-            }
-            // SAFETY: nobody else has the buffer yet.
-            unsafe { staging.write_out_of_turn(at, level)? };
-            at += bytes;
-            regions.push(region);
-        }
-        self.transition(image, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
-        // SAFETY: the regions are the image's levels, and lie in `staging` one after the other.
-        unsafe {
-            self.gpu.0.device.cmd_copy_buffer_to_image(
-                self.commands.raw,
-                staging.raw().handle,
-                raw.handle,
-                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
-                &regions,
-            );
-        }
-        self.transition(image, vk::ImageLayout::TRANSFER_DST_OPTIMAL, raw.shader_layout());
-        self.commands.keep(staging.raw().clone());
-        Ok(())
-    }
-
     /// Ends the recording; it can then run, more than once.
     ///
     /// # Errors
@@ -257,7 +116,7 @@ impl Recorder {
     }
 
     /// Everything so far happens before everything that follows. A group has it once.
-    fn barrier(&mut self) {
+    pub(super) fn barrier(&mut self) {
         match &mut self.group {
             Some(placed @ false) => *placed = true,
             Some(true) => return,

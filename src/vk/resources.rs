@@ -128,28 +128,33 @@ impl Resources {
         Ok(uploaded)
     }
 
-    /// The upload of `texture`.
+    /// The upload of `texture`, or its image if it lives on the device.
     ///
     /// # Errors
     /// [`crate::Error::Capacity`] without memory for it, [`crate::Error::Usage`] if its levels are
-    /// not those of its size.
+    /// not those of its size or if it lives on another device.
     pub fn texture(&mut self, texture: &Arc<Texture>) -> Result<Image> {
+        if let Some(image) = texture.image() {
+            same_device(&self.gpu, image)?;
+            return Ok(image.clone());
+        }
         let address = Arc::as_ptr(texture) as usize;
         if let Some((_, uploaded)) = self.textures.get(&address) {
             return Ok(uploaded.clone());
         }
+        let levels = texture.levels().unwrap_or_default();
         let uploaded = Image::new(
             &self.gpu,
             &ImageInfo {
-                name: &texture.label,
-                extent: texture.extent,
-                format: texture.format,
-                levels: texture.levels.len() as u32,
+                name: texture.label(),
+                extent: texture.extent(),
+                format: texture.format(),
+                levels: levels.len() as u32,
                 usage: ImageUse::Sampled,
             },
         )?;
-        self.pending()?.upload_image(&uploaded, &texture.levels)?;
-        self.pending_bytes += texture.levels.iter().map(Vec::len).sum::<usize>();
+        self.pending()?.upload_image(&uploaded, levels)?;
+        self.pending_bytes += levels.iter().map(Vec::len).sum::<usize>();
         self.flush_above(PENDING_BYTES)?;
         self.textures.insert(address, (Arc::downgrade(texture), uploaded.clone()));
         Ok(uploaded)

@@ -342,10 +342,10 @@ impl ResourceTable {
         if let Some(slot) = self.known(&key) {
             return Ok(slot);
         }
-        let wanted = if key.0 == 3 { ImageUse::Storage } else { ImageUse::Sampled };
-        if image.0.usage != wanted {
+        let (usage, storage) = (image.usage(), key.0 == 3);
+        if (usage == ImageUse::Storage) != storage {
             return Err(Error::Usage(format!(
-                "image `{}` cannot be one of the table's {}: those are made with `ImageUse::{wanted:?}`",
+                "image `{}`, made with `ImageUse::{usage:?}`, cannot be one of the table's {}",
                 image.name(),
                 KINDS[key.0 as usize].1
             )));

@@ -84,7 +84,8 @@ impl Golden {
         let camera = scene.default_camera(SIZE);
         let pass = scene.pass(SIZE, &camera, &PassOptions::default()).unwrap();
         let mut renderer = compute::Renderer::new(gpu).unwrap();
-        renderer.render(&pass).unwrap_or_else(|e| panic!("{}: {e}", self.name)).color.bytes
+        let frame = renderer.render(&pass).unwrap_or_else(|e| panic!("{}: {e}", self.name));
+        frame.into_color().expect("a colour target").bytes
     }
 }
 

@@ -182,6 +182,6 @@ fn the_map_of_specular_and_glossiness_holds_colours() {
         let pass = pass(&drawn(&textured("{}").replace(base, material)));
         let map = &pass.draws[0].sets[1].entries[2];
         let Binding::Sampled(texture, _) = &map.resources[0] else { panic!("{map:?}") };
-        assert_eq!((map.binding, texture.format), (2, format), "{material}");
+        assert_eq!((map.binding, texture.format()), (2, format), "{material}");
     }
 }

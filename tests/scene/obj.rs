@@ -84,7 +84,7 @@ impl Painter {
         let options =
             PassOptions { background: Some([grey, grey, grey, 1.0]), ..PassOptions::default() };
         let frame = self.renderer.render(&scene.pass(EXTENT, &camera, &options).unwrap()).unwrap();
-        let pixels = frame.color.bytes.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
+        let pixels = frame.colors[0].bytes.chunks_exact(4).map(|p| [p[0], p[1], p[2]]).collect();
         Picture { pixels, warnings: scene.warnings().to_vec() }
     }
 

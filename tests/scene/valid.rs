@@ -86,9 +86,9 @@ fn check_bindings(pipeline: &Pipeline, draw: &Draw, i: usize) {
                         inside(range);
                     }
                     (Binding::Sampled(texture, _), ResourceKind::Sampled) => {
-                        let extent = texture.extent;
-                        assert_ne!(texture.format, Format::D32Float);
-                        for (n, level) in texture.levels.iter().enumerate() {
+                        let extent = texture.extent();
+                        assert_ne!(texture.format(), Format::D32Float);
+                        for (n, level) in texture.levels().unwrap().iter().enumerate() {
                             let width = (extent.width >> n).max(1) as usize;
                             let height = (extent.height >> n).max(1) as usize;
                             assert_eq!(level.len(), width * height * 4);

@@ -72,7 +72,7 @@ fn pass() -> Pass {
     middle.scissor = Some(Rect { x: 20, y: 15, width: 25, height: 30 });
     let topologies = [Topology::TriangleList, Topology::TriangleStrip, Topology::TriangleFan];
     Pass {
-        depth: Some(DepthTarget { clear: 1.0 }),
+        depth: Some(DepthTarget::cleared(1.0)),
         pipelines: topologies.map(pipeline).to_vec(),
         draws: vec![draw(0, 9, 0.45), middle, draw(2, 8, 0.5)],
         ..Pass::new("planned", Extent::new(100, 70))
@@ -172,7 +172,7 @@ fn a_plan_that_misreads_a_field_is_noticed() {
                 assert!(said.contains("draw 1, instance "), "{name}: {said}");
             }
             let mut drawn = pass.clone();
-            drawn.depth = Some(DepthTarget { clear: 0.75 });
+            drawn.depth = Some(DepthTarget::cleared(0.75));
             let said = found(&mut renderer, &pass, &drawn).expect("the clear value is noticed");
             assert!(said.contains("depth of pixel (0, 0)"), "{said}");
         }

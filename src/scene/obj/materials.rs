@@ -446,7 +446,8 @@ mod tests {
         ] {
             let mask = (extent, texels.to_vec());
             let made = ingredients.masked(extent, texels.to_vec(), &mask, None);
-            let alpha: Vec<u8> = made.levels[0].iter().skip(3).step_by(4).copied().collect();
+            let alpha: Vec<u8> =
+                made.levels().unwrap()[0].iter().skip(3).step_by(4).copied().collect();
             assert_eq!(alpha, want);
         }
     }

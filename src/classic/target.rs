@@ -1,0 +1,164 @@
+//! The targets of a prepared pass: images, what they begin with, and where the host reads them.
+
+use crate::{
+    error::Result,
+    format::Format,
+    image::{self, Extent},
+    pass::Pass,
+    target::{LoadOp, StoreOp},
+    vk::{Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording},
+};
+use ash::vk;
+
+/// The targets of a pass.
+pub(super) struct Targets {
+    pub extent: Extent,
+    pub color: Option<Target>,
+    pub depth: Option<Target>,
+}
+
+/// One target.
+pub(super) struct Target {
+    image: Image,
+    begin: Begin,
+    store: StoreOp,
+    /// `Some` for an image that was made for the pass: what fills the buffer, which the host reads. It is not part of
+    /// the draws, so that their time does not include it.
+    copy: Option<(Recording, Buffer<u8>)>,
+}
+
+/// What a target begins with.
+enum Begin {
+    Value(vk::ClearValue),
+    Image,
+    Picture(Buffer<u8>),
+}
+
+impl Targets {
+    /// Those of `pass`, which is valid.
+    pub fn new(gpu: &Gpu, pass: &Pass) -> Result<Self> {
+        let color = pass.colors.first().map(|color| {
+            let value = |float32| vk::ClearValue { color: vk::ClearColorValue { float32 } };
+            let begin = Begin::new(gpu, &color.load, value)?;
+            let info = info("colour target", pass.extent, color.format);
+            Target::new(gpu, &info, color.image.as_ref(), begin, color.store)
+        });
+        let depth = pass.depth.as_ref().map(|depth| {
+            let value = |depth| vk::ClearValue {
+                depth_stencil: vk::ClearDepthStencilValue { depth, stencil: 0 },
+            };
+            let begin = Begin::new(gpu, &depth.load, value)?;
+            let info = info("depth target", pass.extent, Format::D32Float);
+            Target::new(gpu, &info, depth.image.as_ref(), begin, depth.store)
+        });
+        Ok(Self { extent: pass.extent, color: color.transpose()?, depth: depth.transpose()? })
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &Target> {
+        self.color.iter().chain(&self.depth)
+    }
+}
+
+fn info(name: &str, extent: Extent, format: Format) -> ImageInfo<'_> {
+    ImageInfo { name, extent, format, levels: 1, usage: ImageUse::Attachment }
+}
+
+impl Begin {
+    fn new<T: Copy>(
+        gpu: &Gpu,
+        load: &LoadOp<T>,
+        value: impl Fn(T) -> vk::ClearValue,
+    ) -> Result<Self> {
+        Ok(match load {
+            LoadOp::Clear(of) => Begin::Value(value(*of)),
+            LoadOp::Load => Begin::Image,
+            LoadOp::Upload(picture) => {
+                Begin::Picture(Buffer::upload(gpu, "picture to begin with", &picture.bytes)?)
+            }
+        })
+    }
+}
+
+impl Target {
+    fn new(
+        gpu: &Gpu,
+        info: &ImageInfo<'_>,
+        image: Option<&Image>,
+        begin: Begin,
+        store: StoreOp,
+    ) -> Result<Self> {
+        if let Some(image) = image {
+            image.check_device(gpu)?;
+            return Ok(Self { image: image.clone(), begin, store, copy: None });
+        }
+        let image = Image::new(gpu, info)?;
+        let copy = match store {
+            StoreOp::Store => {
+                let mut recorder = Recorder::new(gpu, &format!("copy of the {}", info.name))?;
+                let bytes = info.extent.pixels() * info.format.texel_bytes();
+                let host = Buffer::new(gpu, info.name, bytes, Memory::Readback)?;
+                recorder.copy_from_image(&image, 0, 0..info.extent.height, &host)?;
+                Some((recorder.finish()?, host))
+            }
+            StoreOp::Discard => None,
+        };
+        Ok(Self { image, begin, store, copy })
+    }
+
+    /// Records what comes before the draws.
+    pub fn begin(&self, recorder: &mut Recorder) -> Result<()> {
+        let from = match &self.begin {
+            Begin::Value(_) => vk::ImageLayout::UNDEFINED,
+            Begin::Image => self.image.0.shader_layout(),
+            Begin::Picture(picture) => {
+                recorder.copy_to_image(picture, &self.image, 0..self.image.extent().height)?;
+                self.image.0.shader_layout()
+            }
+        };
+        recorder.transition(&self.image, from, self.layout());
+        Ok(())
+    }
+
+    /// Records what comes after the draws.
+    pub fn end(&self, recorder: &mut Recorder) {
+        recorder.transition(&self.image, self.layout(), self.image.0.shader_layout());
+    }
+
+    /// How the draws take it.
+    pub fn attachment(&self) -> vk::RenderingAttachmentInfo<'static> {
+        let info = vk::RenderingAttachmentInfo::default()
+            .image_view(self.image.0.target_view())
+            .image_layout(self.layout())
+            .store_op(match self.store {
+                StoreOp::Store => vk::AttachmentStoreOp::STORE,
+                StoreOp::Discard => vk::AttachmentStoreOp::DONT_CARE,
+            });
+        match &self.begin {
+            Begin::Value(value) => info.load_op(vk::AttachmentLoadOp::CLEAR).clear_value(*value),
+            Begin::Image | Begin::Picture(_) => info.load_op(vk::AttachmentLoadOp::LOAD),
+        }
+    }
+
+    /// The target as it is now, if it is stored.
+    pub fn read(&mut self) -> Result<Option<image::Image>> {
+        match (&mut self.copy, self.store) {
+            (_, StoreOp::Discard) => Ok(None),
+            (None, StoreOp::Store) => self.image.download(0).map(Some),
+            (Some((copy, host)), StoreOp::Store) => {
+                copy.run()?;
+                let (extent, format) = (self.image.extent(), self.image.format());
+                Ok(Some(image::Image { extent, format, bytes: host.read()? }))
+            }
+        }
+    }
+
+    fn layout(&self) -> vk::ImageLayout {
+        match self.image.format() {
+            Format::D32Float => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
+            Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
+                vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL
+            }
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! The targets of a pass, and the recording of what a band's rows begin with and of what becomes of them at its end:
+//! the load and store operations.
+//!
+//! At the beginning, rows are cleared, or copied from the target's image or from a picture. At the end, they are copied
+//! to the image.
+
+use super::{clear, kernels::color_format, target::Target};
+use crate::{
+    error::{Error, Result},
+    format::Format,
+    grid::Grid,
+    pass::Pass,
+    target::{LoadOp, StoreOp},
+    vk::{Buffer, Gpu, Image, Kernel, Recorder},
+};
+
+/// The targets of a pass.
+pub struct Attachments {
+    pub color: Option<Attachment<[f32; 4]>>,
+    pub depth: Option<Attachment<f32>>,
+    /// Bounds that hold for any depth, one for each bin of a band, if depth is loaded.
+    any_bounds: Option<Buffer<[f32; 2]>>,
+}
+
+/// One target of a pass.
+pub struct Attachment<T> {
+    begin: Begin<T>,
+    pub format: Format,
+    pub image: Option<Image>,
+    store: StoreOp,
+}
+
+/// What a target begins with.
+enum Begin<T> {
+    Value(T),
+    Image(Image),
+    /// All rows of the target.
+    Picture(Buffer<u8>),
+}
+
+impl Attachments {
+    /// Those of `pass`, which is valid, with bands up to the size of `band`.
+    pub fn new(gpu: &Gpu, pass: &Pass, band: &Grid) -> Result<Self> {
+        let color = pass.colors.first();
+        let color = color.map(|c| Attachment::new(gpu, c.format, &c.image, &c.load, c.store));
+        let depth = pass.depth.as_ref();
+        let depth =
+            depth.map(|d| Attachment::new(gpu, Format::D32Float, &d.image, &d.load, d.store));
+        let (color, depth) = (color.transpose()?, depth.transpose()?);
+        let loaded = depth.as_ref().filter(|depth| !matches!(depth.begin, Begin::Value(_)));
+        let bounds = vec![[0.0, 1.0]; band.bins() as usize];
+        let any_bounds = loaded.map(|_| Buffer::upload(gpu, "bounds of any depth", &bounds));
+        Ok(Self { color, depth, any_bounds: any_bounds.transpose()? })
+    }
+
+    /// The format of colour that kernels are made for.
+    ///
+    /// # Errors
+    /// As [`color_format`].
+    pub fn color_format(&self) -> Result<u32> {
+        color_format(self.rows_format())
+    }
+
+    /// The format of the rows of colour. Without a colour target, there are rows that nobody reads.
+    pub fn rows_format(&self) -> Format {
+        self.color.as_ref().map_or(Format::Rgba8Unorm, |color| color.format)
+    }
+
+    /// Records what the rows of `target` begin with, which are those of `band`. `kernel` clears.
+    pub fn begin(
+        &self,
+        recorder: &mut Recorder,
+        kernel: &Kernel,
+        (band, target): (&Grid, &Target),
+    ) -> Result<()> {
+        recorder.group(|recorder| {
+            if let Some(color) = &self.color {
+                let rows = target.color.cast()?;
+                match color.begin {
+                    Begin::Value(value) => {
+                        clear::color(recorder, kernel, target, color.format, value)?
+                    }
+                    _ => color.load(recorder, band, &rows)?,
+                }
+            }
+            match (&self.depth, &self.any_bounds) {
+                (Some(depth), Some(bounds)) => {
+                    depth.load(recorder, band, &target.depth.cast()?)?;
+                    let bins = target.bin_bounds.len();
+                    recorder.copy(&bounds.slice(0..bins)?, &target.bin_bounds)
+                }
+                (depth, _) => {
+                    let value = match depth.as_ref().map(|depth| &depth.begin) {
+                        Some(Begin::Value(value)) => *value,
+                        _ => 1.0,
+                    };
+                    clear::depth(recorder, target, value)
+                }
+            }
+        })
+    }
+
+    /// Records what becomes of the rows of `target`, which are those of `band` and complete.
+    pub fn end(&self, recorder: &mut Recorder, (band, target): (&Grid, &Target)) -> Result<()> {
+        if let Some(color) = &self.color {
+            color.store(recorder, band, &target.color.cast()?)?;
+        }
+        if let Some(depth) = &self.depth {
+            depth.store(recorder, band, &target.depth.cast()?)?;
+        }
+        Ok(())
+    }
+}
+
+impl<T: Copy> Attachment<T> {
+    fn new(
+        gpu: &Gpu,
+        format: Format,
+        image: &Option<Image>,
+        load: &LoadOp<T>,
+        store: StoreOp,
+    ) -> Result<Self> {
+        let begin = match (load, image) {
+            (LoadOp::Clear(value), _) => Begin::Value(*value),
+            (LoadOp::Upload(picture), _) => {
+                Begin::Picture(Buffer::upload(gpu, "picture to begin with", &picture.bytes)?)
+            }
+            (LoadOp::Load, Some(image)) => Begin::Image(image.clone()),
+            (LoadOp::Load, None) => {
+                return Err(Error::Usage("a target without an image has nothing to load".into()));
+            }
+        };
+        Ok(Self { begin, format, image: image.clone(), store })
+    }
+
+    /// Whether the host reads the rows.
+    pub fn is_read(&self) -> bool {
+        self.image.is_none() && self.is_stored()
+    }
+
+    /// Whether anything is kept.
+    pub fn is_stored(&self) -> bool {
+        self.store == StoreOp::Store
+    }
+
+    /// Copies to `rows` what they begin with, unless that is one value.
+    fn load(&self, recorder: &mut Recorder, band: &Grid, rows: &Buffer<u8>) -> Result<()> {
+        match &self.begin {
+            Begin::Value(_) => Ok(()),
+            Begin::Image(image) => recorder.copy_from_image(image, 0, band.rows(), rows),
+            Begin::Picture(picture) => {
+                let Grid { origin_y, extent, .. } = *band;
+                let first = origin_y as usize * extent.width as usize * self.format.texel_bytes();
+                recorder.copy(&picture.slice(first..first + rows.len())?, rows)
+            }
+        }
+    }
+
+    /// Copies `rows` to the image, if there is one that keeps them.
+    fn store(&self, recorder: &mut Recorder, band: &Grid, rows: &Buffer<u8>) -> Result<()> {
+        match &self.image {
+            Some(image) if self.is_stored() => recorder.copy_to_image(rows, image, band.rows()),
+            _ => Ok(()),
+        }
+    }
+}

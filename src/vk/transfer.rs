@@ -1,0 +1,310 @@
+//! Fills and copies of buffers and images.
+
+use super::{
+    buffer::{Buffer, Memory},
+    image::{Image, ImageUse, level_extent},
+    owner::same_device,
+    recorder::Recorder,
+};
+use crate::{
+    error::{Error, Result},
+    format::Format,
+};
+use ash::vk;
+use bytemuck::Pod;
+use std::ops::Range;
+
+/// The layout of an image whose next command copies something into it.
+const WRITTEN: vk::ImageLayout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+/// The layout of an image whose next command copies something out of it.
+const READ: vk::ImageLayout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
+
+impl Recorder {
+    /// Fills all of `buffer` with `word`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it does not start and end at a whole word.
+    pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) -> Result<()> {
+        same_device(self, buffer)?;
+        let (raw, offset) = (buffer.raw().clone(), buffer.offset());
+        if buffer.is_empty() {
+            return Ok(());
+        }
+        if !offset.is_multiple_of(4) || !buffer.bytes().is_multiple_of(4) {
+            let (name, bytes) = (buffer.name(), buffer.bytes());
+            let fault = format!(
+                "{bytes} bytes of buffer `{name}` from byte {offset} on are not whole words"
+            );
+            return Err(Error::Usage(format!("{fault}: a fill writes words of 4 bytes")));
+        }
+        self.barrier();
+        // SAFETY: the range is whole words inside the buffer.
+        unsafe {
+            self.gpu.0.device.cmd_fill_buffer(
+                self.commands.raw,
+                raw.handle,
+                offset,
+                buffer.bytes(),
+                word,
+            );
+        }
+        self.commands.keep(raw);
+        Ok(())
+    }
+
+    /// Copies all of `from` to the start of `to`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it does not fit, or if both are in one buffer and overlap.
+    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) -> Result<()> {
+        same_device(self, from)?;
+        same_device(self, to)?;
+        if from.len() > to.len() {
+            return Err(Error::Usage(format!(
+                "{} elements of buffer `{}` do not fit into the {} of `{}`",
+                from.len(),
+                from.name(),
+                to.len(),
+                to.name()
+            )));
+        }
+        if from.is_empty() {
+            return Ok(());
+        }
+        let distance = from.offset().abs_diff(to.offset());
+        if from.raw().handle == to.raw().handle && distance < from.bytes() {
+            let (name, bytes, at, to) = (from.name(), from.bytes(), from.offset(), to.offset());
+            return Err(Error::Usage(format!(
+                "{bytes} bytes of buffer `{name}` cannot be copied from byte {at} to byte {to}, since the two ranges \
+                 overlap: copy through another buffer"
+            )));
+        }
+        self.barrier();
+        let region = [vk::BufferCopy::default()
+            .src_offset(from.offset())
+            .dst_offset(to.offset())
+            .size(from.bytes())];
+        // SAFETY: both ranges are inside their buffers.
+        unsafe {
+            let (from, to) = (from.raw().handle, to.raw().handle);
+            self.gpu.0.device.cmd_copy_buffer(self.commands.raw, from, to, &region);
+        }
+        self.commands.keep(from.raw().clone());
+        self.commands.keep(to.raw().clone());
+        Ok(())
+    }
+
+    /// Copies `content` to the start of `buffer` when the recording runs.
+    ///
+    /// # Errors
+    /// As [`Recorder::copy`].
+    pub fn upload<T: Pod>(&mut self, buffer: &Buffer<T>, content: &[T]) -> Result<()> {
+        let name = format!("upload of {}", buffer.name());
+        let staging = Buffer::upload(&self.gpu, &name, content)?;
+        self.copy(&staging, buffer)
+    }
+
+    /// Copies all of `buffer` to memory that can be [read](Buffer::read) once the recording has run.
+    ///
+    /// # Errors
+    /// [`Error::Capacity`] without memory for the copy.
+    pub fn download<T: Pod>(&mut self, buffer: &Buffer<T>) -> Result<Buffer<T>> {
+        let name = format!("download of {}", buffer.name());
+        let copy = Buffer::new(&self.gpu, &name, buffer.len(), Memory::Readback)?;
+        self.copy(buffer, &copy)?;
+        Ok(copy)
+    }
+
+    /// Uploads all levels of `image`, from the largest down, and leaves it as shaders expect it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the levels are not those of the image, or if a depth is outside 0..=1.
+    pub fn upload_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
+        same_device(self, image)?;
+        let raw = &image.0;
+        let total = levels.iter().map(|level| level.as_ref().len()).sum();
+        let name = format!("upload of {}", raw.name);
+        let staging = Buffer::<u8>::new(&self.gpu, &name, total, Memory::Upload)?;
+        let (mut regions, mut at) = (Vec::new(), 0);
+        for (n, level) in levels.iter().enumerate() {
+            let level = level.as_ref();
+            let region = raw.copy_of_level(n as u32, at as u64);
+            let e = region.image_extent;
+            let bytes = e.width as usize * e.height as usize * raw.format.texel_bytes();
+            if level.len() != bytes || levels.len() != raw.levels as usize {
+                return Err(Error::Usage(format!(
+                    "image `{}` has {} levels, level {n} with {bytes} bytes; not {} with {}",
+                    raw.name,
+                    raw.levels,
+                    levels.len(),
+                    level.len()
+                )));
+            }
+            check_depths(image, level)?;
+            // SAFETY: nobody else has the buffer yet.
+            unsafe { staging.write_out_of_turn(at, level)? };
+            at += bytes;
+            regions.push(region);
+        }
+        self.transition(image, vk::ImageLayout::UNDEFINED, WRITTEN);
+        // SAFETY: the regions are the image's levels, and lie in `staging` one after the other.
+        unsafe {
+            let (from, to) = (staging.raw().handle, raw.handle);
+            self.gpu.0.device.cmd_copy_buffer_to_image(
+                self.commands.raw,
+                from,
+                to,
+                WRITTEN,
+                &regions,
+            );
+        }
+        self.transition(image, WRITTEN, raw.shader_layout());
+        self.commands.keep(staging.raw().clone());
+        Ok(())
+    }
+
+    /// Copies mip level `level` of `image` to memory that can be [read](Buffer::read) once the recording has run: rows from
+    /// top to bottom, no padding.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] unless the image was made for [`ImageUse::Attachment`] and has the level; [`Error::Capacity`]
+    /// without memory for the copy.
+    pub fn download_image(&mut self, image: &Image, level: u32) -> Result<Buffer<u8>> {
+        let extent = level_extent(image.extent(), level);
+        let bytes = extent.pixels() * image.format().texel_bytes();
+        let name = format!("download of {}", image.name());
+        let copy = Buffer::new(&self.gpu, &name, bytes, Memory::Readback)?;
+        self.copy_from_image(image, level, 0..extent.height, &copy)?;
+        Ok(copy)
+    }
+
+    /// Copies `rows` of mip level `level` of `image` to the start of `to`.
+    ///
+    /// # Errors
+    /// As [`Recorder::download_image`].
+    pub(crate) fn copy_from_image(
+        &mut self,
+        image: &Image,
+        level: u32,
+        rows: Range<u32>,
+        to: &Buffer<u8>,
+    ) -> Result<()> {
+        let region = [self.copy_of_rows(image, level, rows, to)?];
+        self.barrier();
+        self.transition(image, image.0.shader_layout(), READ);
+        // SAFETY: the rows are in the image, and the buffer has room for them.
+        unsafe {
+            let (from, to) = (image.0.handle, to.raw().handle);
+            self.gpu.0.device.cmd_copy_image_to_buffer(self.commands.raw, from, READ, to, &region);
+        }
+        self.transition(image, READ, image.0.shader_layout());
+        self.commands.keep(to.raw().clone());
+        Ok(())
+    }
+
+    /// Copies the first elements of `from` to `rows` of level 0 of `image`. If it holds depths, these are in 0..=1.
+    ///
+    /// # Errors
+    /// As [`Recorder::download_image`].
+    pub(crate) fn copy_to_image(
+        &mut self,
+        from: &Buffer<u8>,
+        image: &Image,
+        rows: Range<u32>,
+    ) -> Result<()> {
+        let region = [self.copy_of_rows(image, 0, rows, from)?];
+        self.barrier();
+        self.transition(image, image.0.shader_layout(), WRITTEN);
+        // SAFETY: the rows are in the image, and the buffer has all of them.
+        unsafe {
+            let (from, to) = (from.raw().handle, image.0.handle);
+            self.gpu.0.device.cmd_copy_buffer_to_image(
+                self.commands.raw,
+                from,
+                to,
+                WRITTEN,
+                &region,
+            );
+        }
+        self.transition(image, WRITTEN, image.0.shader_layout());
+        self.commands.keep(from.raw().clone());
+        Ok(())
+    }
+
+    /// The copy between `rows` of mip level `level` of `image` and the start of `buffer`.
+    fn copy_of_rows(
+        &self,
+        image: &Image,
+        level: u32,
+        rows: Range<u32>,
+        buffer: &Buffer<u8>,
+    ) -> Result<vk::BufferImageCopy> {
+        same_device(self, image)?;
+        same_device(self, buffer)?;
+        let raw = &image.0;
+        if raw.usage != ImageUse::Attachment {
+            return Err(Error::Usage(format!(
+                "image `{}` may have no content yet: only those that are made with `ImageUse::Attachment` are copied",
+                raw.name
+            )));
+        }
+        if level >= raw.levels {
+            let (name, levels) = (&raw.name, raw.levels);
+            return Err(Error::Usage(format!(
+                "image `{name}` has {levels} levels, and no level {level}"
+            )));
+        }
+        let extent = level_extent(raw.extent, level);
+        let bytes = rows.len() * extent.width as usize * raw.format.texel_bytes();
+        if rows.is_empty() || rows.end > extent.height || buffer.len() < bytes {
+            return Err(Error::Usage(format!(
+                "rows {rows:?} of image `{}` ({extent}) and {} bytes of buffer `{}` do not fit together",
+                raw.name,
+                buffer.len(),
+                buffer.name()
+            )));
+        }
+        let mut region = raw.copy_of_level(level, buffer.offset());
+        region.image_offset.y = rows.start as i32;
+        region.image_extent.height = rows.len() as u32;
+        Ok(region)
+    }
+
+    /// Fills a new image with zeros, and leaves it as shaders expect it.
+    pub(super) fn clear_image(&mut self, image: &Image) {
+        let raw = &image.0;
+        self.transition(image, vk::ImageLayout::UNDEFINED, WRITTEN);
+        let (device, commands, range) = (&self.gpu.0.device, self.commands.raw, [raw.range()]);
+        // SAFETY: the image is in that layout and kept by the transition. The queue draws, if it is a depth image.
+        unsafe {
+            match raw.format {
+                Format::D32Float => {
+                    let zeros = vk::ClearDepthStencilValue::default();
+                    device.cmd_clear_depth_stencil_image(
+                        commands, raw.handle, WRITTEN, &zeros, &range,
+                    );
+                }
+                Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
+                    let zeros = vk::ClearColorValue::default();
+                    device.cmd_clear_color_image(commands, raw.handle, WRITTEN, &zeros, &range);
+                }
+            }
+        }
+        self.transition(image, WRITTEN, raw.shader_layout());
+    }
+}
+
+/// Refuses depths that Vulkan lets no copy write into `image`.
+fn check_depths(image: &Image, level: &[u8]) -> Result<()> {
+    if image.format() != Format::D32Float {
+        return Ok(());
+    }
+    let depths = level.chunks_exact(4).map(bytemuck::pod_read_unaligned::<f32>);
+    match depths.into_iter().find(|depth| !(0.0..=1.0).contains(depth)) {
+        Some(depth) => Err(Error::Usage(format!(
+            "a depth of {depth} cannot be uploaded to image `{}`: depths are in 0..=1",
+            image.name()
+        ))),
+        None => Ok(()),
+    }
+}
