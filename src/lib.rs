@@ -18,7 +18,7 @@
 //!
 //! | module | concept |
 //! |---|---|
-//! | [`pass`], [`state`], [`target`], [`texture`], [`mod@format`], [`image`] | the public vocabulary: plain data, no Vulkan |
+//! | [`pass`], [`state`], [`target`], [`texture`], [`mod@format`], [`image`] | the public vocabulary: plain data, and handles of what lives on a device |
 //! | [`shader`] | GLSL to SPIR-V, reflection, splicing a shader into a kernel |
 //! | [`plan`] | a pass cut into batches whose buffers cannot overflow |
 //! | [`grid`] | all size arithmetic: bands, bins, cells, capacities |

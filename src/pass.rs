@@ -24,6 +24,7 @@ mod written;
 
 pub use buffer::{Buffer, BufferRange};
 pub use indices::IndexRanges;
+pub(crate) use validate::Known;
 
 /// How often a vertex binding advances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -48,6 +48,12 @@ impl Slots for NoSlots {
     fn next_table(&mut self) -> tilewright::Result<()> {
         Ok(())
     }
+    fn table(&self) -> usize {
+        0
+    }
+    fn is_shared(&self) -> bool {
+        false
+    }
 }
 
 fn shaders() -> [Arc<Shader>; 2] {

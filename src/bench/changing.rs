@@ -6,15 +6,18 @@
 //! descriptors, new descriptor sets and new push constants; vertices, indices, textures, pipelines and
 //! shaders stay. Making the pass is not timed, since that is the application's own work. Then
 //!
-//! * compute prepares the pass, validation included, and executes it;
-//! * classic uploads the new buffers, writes its descriptor sets, records its command buffer and executes
-//!   it. Its targets and pipelines stay, and nothing is validated: a program that calls Vulkan itself
-//!   would pay for neither.
+//! * compute encodes the pass as a frame, validation included, submits it and waits;
+//! * classic uploads the new buffers, writes its descriptor sets, records its command buffer, submits it and waits.
+//!   Its pipelines stay, and nothing is validated: a program that calls Vulkan itself would pay for neither.
+//!
+//! Both draw to one image of the device, and need depth no longer than the frame.
 
 use super::run::{Executors, Frame, Rounds, Settings, rounds};
 use crate::{
     error::Result,
     pass::{Binding, BindingSet, Buffer, BufferRange, Pass},
+    target::StoreOp,
+    vk::{Gpu, Image, ImageInfo, ImageUse},
 };
 use std::{collections::HashMap, sync::Arc};
 
@@ -28,6 +31,21 @@ pub fn renewed(pass: &Pass) -> Pass {
         *set = known.or_insert_with(|| Arc::new(renewed_set(set, &mut buffers))).clone();
     }
     new
+}
+
+/// `pass`, which draws to images and does not keep depth.
+fn on_images(gpu: &Gpu, pass: &Pass) -> Result<Pass> {
+    let mut pass = pass.clone();
+    let (extent, usage) = (pass.extent, ImageUse::Attachment);
+    for color in &mut pass.colors {
+        let info =
+            ImageInfo { name: "colour target", extent, format: color.format, levels: 1, usage };
+        color.image = Some(Image::new(gpu, &info)?);
+    }
+    if let Some(depth) = &mut pass.depth {
+        depth.store = StoreOp::Discard;
+    }
+    Ok(pass)
 }
 
 type Buffers = HashMap<*const Buffer, Arc<Buffer>>;
@@ -56,16 +74,17 @@ pub fn rounds_of(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Rounds> {
     let Executors { compute, classic } = executors;
+    let pass = &on_images(compute.gpu(), pass)?;
     let mut by_classic = classic.prepare(pass)?;
-    // The pass that was prepared before is dropped when the next one is prepared, as in an application.
-    let mut by_compute = None;
     rounds(
         settings,
         &mut || {
             let next = renewed(pass);
             Frame::of(|| {
-                by_compute = None;
-                by_compute.insert(compute.prepare(&next)?).execute().map(|times| times.total_ns)
+                let mut frame = compute.begin()?;
+                frame.encode(&next)?;
+                frame.submit()?.wait()?;
+                Ok(0)
             })
         },
         &mut || {

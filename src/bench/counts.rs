@@ -50,6 +50,14 @@ impl Slots for Nowhere {
     fn next_table(&mut self) -> Result<()> {
         Ok(())
     }
+
+    fn table(&self) -> usize {
+        0
+    }
+
+    fn is_shared(&self) -> bool {
+        false
+    }
 }
 
 impl Counts {

@@ -28,7 +28,7 @@ pub use prepared::Prepared;
 use crate::{
     error::{Error, Result},
     kept::Kept,
-    pass::{Executor, Frame, IndexRanges, Pass},
+    pass::{Executor, Frame, Known, Pass},
     vk::{Cached, Gpu, Resources},
 };
 use pipeline::{Compiled, Key, Variant};
@@ -41,7 +41,7 @@ use std::sync::Arc;
 pub struct Renderer {
     gpu: Gpu,
     resources: Resources,
-    ranges: IndexRanges,
+    known: Known,
     pipelines: Kept<Key, Arc<Compiled>>,
 }
 
@@ -61,7 +61,7 @@ impl Renderer {
         Ok(Self {
             gpu: gpu.clone(),
             resources: Resources::new(gpu),
-            ranges: IndexRanges::default(),
+            known: Known::default(),
             pipelines: Kept::default(),
         })
     }
@@ -81,7 +81,7 @@ impl Renderer {
     /// # Errors
     /// [`Error::Usage`] if the pass contradicts itself, [`Error::Capacity`] if it does not fit.
     pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
-        pass.check(&mut self.ranges)?;
+        pass.check(&mut self.known)?;
         let compiled = self.compiled(pass)?;
         Prepared::new(&self.gpu, &mut self.resources, pass, &compiled)
     }

@@ -11,7 +11,7 @@ use crate::{
     grid::Grid,
     pass::Pass,
     target::{LoadOp, StoreOp},
-    vk::{Buffer, Gpu, Image, Kernel, Recorder},
+    vk::{Arena, Buffer, Gpu, Image, Kernel, Recorder},
 };
 
 /// The targets of a pass.
@@ -40,7 +40,7 @@ enum Begin<T> {
 
 impl Attachments {
     /// Those of `pass`, which is valid, with bands up to the size of `band`.
-    pub fn new(gpu: &Gpu, pass: &Pass, band: &Grid) -> Result<Self> {
+    pub fn new(gpu: &Gpu, arena: &mut Arena, pass: &Pass, band: &Grid) -> Result<Self> {
         let color = pass.colors.first();
         let color = color.map(|c| Attachment::new(gpu, c.format, &c.image, &c.load, c.store));
         let depth = pass.depth.as_ref();
@@ -48,8 +48,7 @@ impl Attachments {
             depth.map(|d| Attachment::new(gpu, Format::D32Float, &d.image, &d.load, d.store));
         let (color, depth) = (color.transpose()?, depth.transpose()?);
         let loaded = depth.as_ref().filter(|depth| !matches!(depth.begin, Begin::Value(_)));
-        let bounds = vec![[0.0, 1.0]; band.bins() as usize];
-        let any_bounds = loaded.map(|_| Buffer::upload(gpu, "bounds of any depth", &bounds));
+        let any_bounds = loaded.map(|_| arena.push(&vec![[0.0, 1.0]; band.bins() as usize]));
         Ok(Self { color, depth, any_bounds: any_bounds.transpose()? })
     }
 

@@ -1,24 +1,25 @@
 //! The buffers of a frame, and the recording that fills them.
 
 use super::{
-    Renderer,
     attach::Attachments,
     binning,
-    kernels::PlanKernels,
-    ordered,
-    prepared::{Prepared, Results},
-    primitive, raster, shade,
+    kernels::{Kernels, PlanKernels},
+    ordered, primitive, raster,
+    scratch::Scratch,
+    shade,
     target::Target,
     vertex,
 };
 use crate::{
-    abi::{Attribute, Batch, Piece, Triangle},
+    abi::{self, Attribute, Batch, Piece, Triangle},
     error::Result,
     grid::{Capacities, Grid},
+    image::Extent,
     pass::Pass,
     plan::{BatchPlan, Plan},
-    vk::{Buffer, Copies, Gpu, Memory, Recorder, ResourceTable},
+    vk::{Arena, Buffer, Copies, Gpu, Recorder, ResourceTable},
 };
+use std::ops::Range;
 
 /// Buffers that every band and batch of a frame shares.
 ///
@@ -58,13 +59,22 @@ pub struct Buffers {
 /// Everything that is known before recording.
 pub struct Setup {
     gpu: Gpu,
-    results: Results,
-    pub tables: Vec<ResourceTable>,
+    attachments: Attachments,
     copies: Copies,
     buffers: Buffers,
     kernels: PlanKernels,
-    pub bands: Vec<Grid>,
+    extent: Extent,
     capacities: Capacities,
+}
+
+/// The memory that a pass is drawn with.
+pub struct Workspace<'a> {
+    /// What kernels write.
+    pub scratch: &'a mut Scratch,
+    /// What the host writes.
+    pub arena: &'a mut Arena,
+    /// A list, for the memory that it has.
+    pub kernels: &'a mut PlanKernels,
 }
 
 /// Everything that a stage needs to record its dispatches.
@@ -80,135 +90,117 @@ pub struct Stage<'a> {
 }
 
 impl Setup {
+    /// Makes what is missing of kernels and memory for `pass`, which was planned as `plan`.
     pub fn new(
-        renderer: &mut Renderer,
-        pass: &Pass,
-        plan: &Plan,
-        tables: Vec<ResourceTable>,
+        gpu: &Gpu,
+        kernels: &mut Kernels,
+        workspace: &mut Workspace<'_>,
+        (pass, plan): (&Pass, &Plan),
         copies: Copies,
     ) -> Result<Setup> {
-        let gpu = &renderer.gpu;
-        let bands: Vec<Grid> = Grid::bands(pass.extent).collect();
         // The first band is the largest.
-        let band = bands[0];
+        let band = Grid::bands(pass.extent).next().expect("a target has a band");
         let capacities = plan.capacities();
-        let attachments = Attachments::new(gpu, pass, &band)?;
-        let pixels = band.padded_pixels();
+        let attachments = Attachments::new(gpu, workspace.arena, pass, &band)?;
         let fragment_kernels =
             plan.batches.iter().map(|b| b.fragment_kernels.len()).max().unwrap_or(1);
-        let device = Memory::Device;
+        let vertices = capacities.vertices as usize;
         let varying_words = capacities.varying_words + Capacities::VARYING_OVERHANG;
-        let words_of = |name: &str, len: usize| Buffer::<u32>::new(gpu, name, len.max(1), device);
-        let start = vec![[0, 1, 1]; fragment_kernels];
+        let Workspace { scratch, arena, kernels: found } = workspace;
         let buffers = Buffers {
-            attributes: upload(gpu, "attributes", &plan.attributes)?,
-            runs: upload(gpu, "runs", &plan.runs)?,
-            resource_slots: upload(gpu, "resource slots", &plan.resource_slots)?,
-            positions: Buffer::new(gpu, "positions", capacities.vertices as usize, device)?,
-            window_positions: Buffer::new(
-                gpu,
-                "window positions",
-                capacities.vertices as usize,
-                device,
-            )?,
-            varyings: words_of("varyings", varying_words.next_multiple_of(4) as usize)?,
-            triangles: Buffer::new(gpu, "triangles", capacities.triangles() as usize, device)?,
-            primitive_cells: words_of("primitive cells", capacities.primitives as usize)?,
-            cell_counts: words_of("cell counts", band.cells as usize)?,
-            cell_ends: words_of("cell ends", band.cells as usize)?,
-            entries: words_of("entries", capacities.entries() as usize)?,
-            bins: words_of("bins", band.bins() as usize)?,
-            bin_args: words_of("bin arguments", 3)?,
-            visibility: Buffer::new(gpu, "visibility", (pixels / 4).max(1), device)?,
-            shade_args: Buffer::new(gpu, "shade arguments", fragment_kernels, device)?,
-            shade_args_start: Buffer::upload(gpu, "first shade arguments", &start)?,
-            shade_bins: Buffer::new(
-                gpu,
-                "shade bins",
-                fragment_kernels * band.bins() as usize,
-                device,
-            )?,
+            attributes: arena.push(&plan.attributes)?,
+            runs: arena.push(&plan.runs)?,
+            resource_slots: arena.push(&plan.resource_slots)?,
+            shade_args_start: arena.push(&[[0, 1, 1]; MAX_KERNELS][..fragment_kernels])?,
+            positions: scratch.get(gpu, "positions", vertices)?,
+            window_positions: scratch.get(gpu, "window positions", vertices)?,
+            varyings: scratch.get(gpu, "varyings", varying_words.next_multiple_of(4) as usize)?,
+            triangles: scratch.get(gpu, "triangles", capacities.triangles() as usize)?,
+            primitive_cells: scratch.get(gpu, "primitive cells", capacities.primitives as usize)?,
+            cell_counts: scratch.get(gpu, "cell counts", band.cells as usize)?,
+            cell_ends: scratch.get(gpu, "cell ends", band.cells as usize)?,
+            entries: scratch.get(gpu, "entries", capacities.entries() as usize)?,
+            bins: scratch.get(gpu, "bins", band.bins() as usize)?,
+            bin_args: scratch.get(gpu, "bin arguments", 3)?,
+            visibility: scratch.get(gpu, "visibility", band.padded_pixels() / 4)?,
+            shade_args: scratch.get(gpu, "shade arguments", fragment_kernels)?,
+            shade_bins: scratch.get(gpu, "shade bins", fragment_kernels * band.bins() as usize)?,
         };
-        let targets = bands.iter().map(|band| Target::new(gpu, band, &attachments));
-        let targets = targets.collect::<Result<_>>()?;
-        let kernels = renderer.kernels.of_plan(plan, attachments.color_format()?)?;
-        Ok(Setup {
-            gpu: gpu.clone(),
-            results: Results { extent: pass.extent, attachments, targets },
-            tables,
-            copies,
-            buffers,
-            kernels,
-            bands,
-            capacities,
-        })
+        let mut kernels_of_plan = std::mem::take(*found);
+        kernels.of_plan(plan, attachments.color_format()?, &mut kernels_of_plan)?;
+        let (gpu, kernels, extent) = (gpu.clone(), kernels_of_plan, pass.extent);
+        Ok(Setup { gpu, attachments, copies, buffers, kernels, extent, capacities })
     }
 
-    /// Records the whole pass.
-    pub fn record(self, renderer: &mut Renderer, plan: &Plan) -> Result<Prepared> {
-        let mut recordings = Vec::new();
-        for (n, (band, target)) in self.bands.iter().zip(self.targets()).enumerate() {
-            let mut recorder = Recorder::new(&self.gpu, "compute pass")?;
-            if renderer.timed {
-                recorder.time_stages();
-            }
-            let pieces = self.pieces(band, plan)?;
-            self.begin(renderer, &mut recorder, (band, target))?;
-            // A single batch leaves its vertices in place for all bands. If shaders write buffers, vertex shaders
-            // may be among those that do.
-            let in_place = n > 0 && plan.batches.len() == 1 && self.copies.is_empty();
-            for (b, batch) in plan.batches.iter().enumerate() {
-                let how = (!in_place, false);
-                self.batch(renderer, &mut recorder, (band, target), &pieces, (b, batch), how)?;
-            }
-            self.end(&mut recorder, (band, target))?;
-            recordings.push(recorder.finish()?);
+    /// The bands of the targets.
+    pub fn bands(&self) -> impl Iterator<Item = Grid> + use<> {
+        Grid::bands(self.extent)
+    }
+
+    /// Memory for the rows of `band`.
+    pub fn target(&self, scratch: &mut Scratch, band: &Grid) -> Result<Target> {
+        Target::new(&self.gpu, scratch, band, &self.attachments)
+    }
+
+    /// Records all of band number `number` of `plan`.
+    pub fn record(
+        &self,
+        recorder: &mut Recorder,
+        arena: &mut Arena,
+        kernels: &Kernels,
+        (plan, tables): (&Plan, &[ResourceTable]),
+        (number, band, target): (usize, &Grid, &Target),
+    ) -> Result<()> {
+        let pieces = self.pieces(arena, band, plan)?;
+        self.begin(kernels, recorder, (band, target))?;
+        // A single batch leaves its vertices in place for all bands. If shaders write buffers, vertex shaders
+        // may be among those that do.
+        let in_place = number > 0 && plan.batches.len() == 1 && self.copies.is_empty();
+        for (b, batch) in plan.batches.iter().enumerate() {
+            let (table, how) = (&tables[batch.table], (!in_place, false));
+            self.batch(kernels, recorder, (band, target), (&pieces, table), (b, batch), how)?;
         }
-        renderer.tables.put_back(self.tables);
-        Prepared::new(&self.gpu, recordings, self.results)
+        self.end(recorder, (band, target))
+    }
+
+    /// What is known of the targets, and a list whose memory can be used again.
+    pub fn into_parts(self) -> (Attachments, PlanKernels) {
+        (self.attachments, self.kernels)
     }
 
     /// Begins a band: brings its rows to what the targets begin with, and the buffers that shaders write to what
     /// the host gave. Every band executes all draws, and the first of them must not find what another band wrote.
     pub fn begin(
         &self,
-        renderer: &Renderer,
+        kernels: &Kernels,
         recorder: &mut Recorder,
         band: (&Grid, &Target),
     ) -> Result<()> {
         self.copies.record(recorder)?;
-        self.results.attachments.begin(recorder, &renderer.kernels.clear, band)
+        self.attachments.begin(recorder, &kernels.clear, band)
     }
 
     /// Ends a band: brings its rows to where the targets are kept.
     pub fn end(&self, recorder: &mut Recorder, band: (&Grid, &Target)) -> Result<()> {
-        self.results.attachments.end(recorder, band)
+        self.attachments.end(recorder, band)
     }
 
     /// The pieces as the band sees them: their rectangles cut to its rows.
-    pub fn pieces(&self, band: &Grid, plan: &Plan) -> Result<Buffer<Piece>> {
-        upload(&self.gpu, "pieces", &self.pieces_of(band, plan))
-    }
-
-    /// See [`Setup::pieces`].
-    pub fn pieces_of(&self, band: &Grid, plan: &Plan) -> Vec<Piece> {
-        let (first, last) = (band.origin_y as i32, (band.origin_y + band.extent.height) as i32 - 1);
-        let mut pieces = plan.pieces.clone();
-        for piece in &mut pieces {
-            piece.rect_min[1] = piece.rect_min[1].max(first);
-            piece.rect_max[1] = piece.rect_max[1].min(last);
+    pub fn pieces(&self, arena: &mut Arena, band: &Grid, plan: &Plan) -> Result<Buffer<Piece>> {
+        match band.extent == self.extent {
+            true => arena.push(&plan.pieces),
+            false => arena.push(&pieces_of(band, plan)),
         }
-        pieces
     }
 
     /// Records all stages of one batch. The vertex stage is left out if its results are in place already; a
     /// traced batch writes complete visibility.
     pub fn batch(
         &self,
-        renderer: &Renderer,
+        kernels: &Kernels,
         recorder: &mut Recorder,
         (band, target): (&Grid, &Target),
-        pieces: &Buffer<Piece>,
+        (pieces, table): (&Buffer<Piece>, &ResourceTable),
         (number, batch): (usize, &BatchPlan),
         (vertices, traced): (bool, bool),
     ) -> Result<()> {
@@ -216,7 +208,7 @@ impl Setup {
             buffers: &self.buffers,
             target,
             pieces,
-            table: &self.tables[batch.table],
+            table,
             width: self.gpu.limits().subgroup_size,
             push: Batch {
                 traced: traced.into(),
@@ -227,20 +219,20 @@ impl Setup {
         if vertices {
             vertex::record(recorder, &stage, &self.kernels.vertex, batch)?;
         }
-        primitive::record(recorder, &stage, &renderer.kernels.primitive)?;
-        binning::record(recorder, &stage, &renderer.kernels)?;
-        let fragment = &self.kernels.fragment[number];
+        primitive::record(recorder, &stage, &kernels.primitive)?;
+        binning::record(recorder, &stage, kernels)?;
+        let fragment = self.kernels.fragment(number);
         match &self.kernels.raster[number] {
             Some(kernel) => {
                 raster::record(recorder, &stage, kernel)?;
-                match &self.results.attachments.color {
+                match &self.attachments.color {
                     Some(_) => shade::record(recorder, &stage, fragment),
                     // Shaders of opaque work write colour and nothing else.
                     None => Ok(()),
                 }
             }
             None => {
-                binning::record_sort(recorder, &stage, &renderer.kernels.sort)?;
+                binning::record_sort(recorder, &stage, &kernels.sort)?;
                 ordered::record(recorder, &stage, &fragment[0])
             }
         }
@@ -266,16 +258,21 @@ impl Setup {
     pub fn parts(&self) -> (&Gpu, &Buffers) {
         (&self.gpu, &self.buffers)
     }
+}
 
-    /// Where the results are, once all bands have run.
-    pub fn results(&self) -> &Results {
-        &self.results
-    }
+/// Most fragment kernels of a batch.
+const MAX_KERNELS: usize = abi::MAX_FRAGMENT_KERNELS as usize;
 
-    /// The target of each band.
-    pub fn targets(&self) -> &[Target] {
-        &self.results.targets
+/// See [`Setup::pieces`].
+fn pieces_of(band: &Grid, plan: &Plan) -> Vec<Piece> {
+    let Range { start, end } = band.rows();
+    let (first, last) = (start as i32, end as i32 - 1);
+    let mut pieces = plan.pieces.clone();
+    for piece in &mut pieces {
+        piece.rect_min[1] = piece.rect_min[1].max(first);
+        piece.rect_max[1] = piece.rect_max[1].min(last);
     }
+    pieces
 }
 
 /// The push constants of a band.
@@ -290,13 +287,5 @@ fn band_push(band: &Grid) -> Batch {
         cell_columns: band.cell_columns,
         cells: band.cells,
         ..Batch::default()
-    }
-}
-
-/// An upload that is never empty: a binding has at least one element.
-fn upload<T: bytemuck::Pod>(gpu: &Gpu, name: &str, content: &[T]) -> Result<Buffer<T>> {
-    match content {
-        [] => Buffer::upload(gpu, name, &[T::zeroed()]),
-        content => Buffer::upload(gpu, name, content),
     }
 }

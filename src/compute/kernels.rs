@@ -14,6 +14,7 @@ use crate::{
 };
 use std::{
     collections::HashSet,
+    sync::Arc,
     sync::atomic::{AtomicUsize, Ordering},
 };
 
@@ -23,11 +24,11 @@ pub enum KernelRequest {
     /// Raster with a depth comparison.
     Raster(Compare),
     /// Vertex shading.
-    Vertex(KernelKey),
+    Vertex(Arc<KernelKey>),
     /// Shading of opaque work into a colour format.
-    Shade(KernelKey, u32),
+    Shade(Arc<KernelKey>, u32),
     /// Ordered work into a colour format, with a depth mode.
-    Ordered(KernelKey, u32, u32),
+    Ordered(Arc<KernelKey>, u32, u32),
 }
 
 /// All kernels of a renderer.
@@ -44,14 +45,33 @@ pub struct Kernels {
 }
 
 /// The kernels a plan needs, by the plan's own numbers.
+#[derive(Default)]
 pub struct PlanKernels {
     pub vertex: Vec<Kernel>,
-    /// For each batch the kernel of each of its fragment kernels.
-    pub fragment: Vec<Vec<Kernel>>,
+    /// The fragment kernels of all batches, batch after batch.
+    fragment: Vec<Kernel>,
+    /// Where those of each batch begin.
+    fragment_first: Vec<usize>,
     /// For each batch of opaque work its raster kernel.
     pub raster: Vec<Option<Kernel>>,
     /// The last batch of opaque work.
     pub last_opaque: Option<usize>,
+}
+
+impl PlanKernels {
+    /// The kernel of each of the fragment kernels of batch number `batch`.
+    pub fn fragment(&self, batch: usize) -> &[Kernel] {
+        let end = self.fragment_first.get(batch + 1).copied();
+        &self.fragment[self.fragment_first[batch]..end.unwrap_or(self.fragment.len())]
+    }
+
+    fn clear(&mut self) {
+        self.vertex.clear();
+        self.fragment.clear();
+        self.fragment_first.clear();
+        self.raster.clear();
+        self.last_opaque = None;
+    }
 }
 
 /// The number that a colour format has in kernels.
@@ -104,36 +124,40 @@ impl Kernels {
         (self.made.len(), self.made.made())
     }
 
-    /// The kernels of `plan` for a colour format. Missing ones are made.
+    /// Puts the kernels of `plan` for a colour format into `found`. Missing ones are made.
     ///
     /// # Errors
     /// As [`Kernels::make`].
-    pub fn of_plan(&mut self, plan: &Plan, format: u32) -> Result<PlanKernels> {
-        let vertex: Vec<KernelRequest> =
-            plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone())).collect();
-        let wanted = |batch: &BatchPlan| {
-            let keys = batch.fragment_kernels.iter().map(|&k| plan.fragment_kernels[k].clone());
-            let fragment = keys.map(|key| match batch.method {
+    pub fn of_plan(&mut self, plan: &Plan, format: u32, found: &mut PlanKernels) -> Result<()> {
+        let vertex = || plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone()));
+        let fragment = |batch: &BatchPlan, kernel: usize| {
+            let key = plan.fragment_kernels[kernel].clone();
+            match batch.method {
                 Method::Opaque(_) => KernelRequest::Shade(key, format),
                 Method::Ordered { depth, .. } => KernelRequest::Ordered(key, format, depth),
-            });
-            let raster = match batch.method {
-                Method::Opaque(compare) => Some(KernelRequest::Raster(compare)),
-                Method::Ordered { .. } => None,
-            };
-            (raster, fragment.collect::<Vec<_>>())
+            }
         };
-        let batches: Vec<_> = plan.batches.iter().map(wanted).collect();
-        let of_batches =
-            batches.iter().flat_map(|(raster, fragment)| raster.iter().chain(fragment));
-        self.make(vertex.iter().chain(of_batches))?;
-        let mut get = |wanted: &KernelRequest| self.made.get(wanted).expect("it was made").clone();
-        Ok(PlanKernels {
-            vertex: vertex.iter().map(&mut get).collect(),
-            last_opaque: batches.iter().rposition(|(raster, _)| raster.is_some()),
-            raster: batches.iter().map(|(raster, _)| raster.as_ref().map(&mut get)).collect(),
-            fragment: batches.iter().map(|(_, all)| all.iter().map(&mut get).collect()).collect(),
-        })
+        let raster = |batch: &BatchPlan| match batch.method {
+            Method::Opaque(compare) => Some(KernelRequest::Raster(compare)),
+            Method::Ordered { .. } => None,
+        };
+        let of_batches = plan.batches.iter().flat_map(|batch| {
+            let all = batch.fragment_kernels.iter();
+            raster(batch).into_iter().chain(all.map(|&kernel| fragment(batch, kernel)))
+        });
+        self.make(vertex().chain(of_batches))?;
+        found.clear();
+        let mut get = |wanted: KernelRequest| self.made.get(&wanted).expect("it was made").clone();
+        found.vertex.extend(vertex().map(&mut get));
+        for (number, batch) in plan.batches.iter().enumerate() {
+            found.fragment_first.push(found.fragment.len());
+            let all = batch.fragment_kernels.iter();
+            found.fragment.extend(all.map(|&kernel| get(fragment(batch, kernel))));
+            let raster = raster(batch);
+            found.last_opaque = raster.as_ref().map(|_| number).or(found.last_opaque);
+            found.raster.push(raster.map(&mut get));
+        }
+        Ok(())
     }
 
     /// Makes the kernels of `wanted` that do not exist yet, as many at a time as the machine has cores:
@@ -142,16 +166,19 @@ impl Kernels {
     /// # Errors
     /// [`crate::Error::Shader`] if a shader is out of reach, [`crate::Error::Device`] if the driver
     /// refuses a kernel.
-    pub fn make<'w>(&mut self, wanted: impl IntoIterator<Item = &'w KernelRequest>) -> Result<()> {
+    pub fn make(&mut self, wanted: impl IntoIterator<Item = KernelRequest>) -> Result<()> {
         let mut seen = HashSet::new();
-        let wanted = wanted.into_iter().filter(|&wanted| seen.insert(wanted));
-        let missing: Vec<&KernelRequest> =
-            wanted.filter(|&wanted| self.made.get(wanted).is_none()).collect();
+        let missing = wanted.into_iter().filter(|wanted| self.made.get(wanted).is_none());
+        let missing: Vec<KernelRequest> =
+            missing.filter(|wanted| seen.insert(wanted.clone())).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
         let made = in_parallel(&missing, |wanted| self.kernel(wanted));
         let mut outcome = Ok(());
         for (wanted, made) in missing.into_iter().zip(made) {
             match made {
-                Ok(kernel) => self.made.insert(wanted.clone(), kernel),
+                Ok(kernel) => self.made.insert(wanted, kernel),
                 Err(error) => outcome = outcome.and(Err(error)),
             }
         }

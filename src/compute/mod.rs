@@ -12,38 +12,46 @@
 //! shade      the user's fragment shader at visible pixels       |          blending in API order
 //! ```
 //!
-//! [`Renderer::prepare`] plans a pass, makes its kernels and records one submission for each band;
-//! [`Prepared::execute`] runs it, with no decision by the CPU in between; [`Prepared::read`] returns
-//! the pictures. [`Renderer::trace`] stops after every batch and copies all intermediates to the host.
+//! [`Renderer::begin`] begins a frame: an [`Encoder`] records passes that draw to images of the device, in one submission
+//! that nobody waits for. [`Renderer::prepare`] records a pass once, one submission for each band;
+//! [`Prepared::execute`] runs it and waits, and [`Prepared::read`] returns the pictures. In neither, the CPU decides
+//! anything while the device is at work. [`Renderer::trace`] stops after every batch and copies all intermediates to the
+//! host.
 
 mod attach;
 mod binning;
 mod clear;
+mod encoder;
 mod frame;
 mod kernels;
 mod ordered;
 mod prepared;
 mod primitive;
 mod raster;
+mod scratch;
 mod shade;
 mod slots;
 mod target;
 mod trace;
 mod vertex;
 
+pub use encoder::Encoder;
 pub use prepared::Prepared;
 
 use crate::{
     error::Result,
     format::Format,
     grid::Capacities,
-    pass::{Executor, Frame, IndexRanges, Pass},
-    plan::{KernelKey, Plan, depth_mode},
+    pass::{Executor, Frame, Known, Pass},
+    plan::{KernelKey, Plan, Planner, depth_mode},
     shader::{Shader, Stage},
     trace::Trace,
-    vk::{Cached, Copies, Gpu, Resources},
+    vk::{Arena, Cached, Copies, Gpu, Recorder, Resources},
 };
-use kernels::{KernelRequest, Kernels};
+use frame::{Setup, Workspace};
+use kernels::{KernelRequest, Kernels, PlanKernels};
+use prepared::Results;
+use scratch::Scratch;
 use slots::{TablePool, TableSlots, Tables};
 use std::sync::Arc;
 
@@ -56,10 +64,17 @@ pub struct Renderer {
     gpu: Gpu,
     resources: Resources,
     tables: TablePool,
-    ranges: IndexRanges,
+    known: Known,
+    planner: Planner,
     kernels: Kernels,
     limit: Capacities,
     timed: bool,
+    /// What the passes of frames have while they run.
+    scratch: Scratch,
+    plan_kernels: PlanKernels,
+    /// Frames in the order of their submissions.
+    frames: Vec<encoder::Slot>,
+    frames_in_flight: usize,
 }
 
 impl Renderer {
@@ -72,11 +87,21 @@ impl Renderer {
             gpu: gpu.clone(),
             resources: Resources::new(gpu),
             tables: TablePool::new(gpu),
-            ranges: IndexRanges::default(),
+            known: Known::default(),
+            planner: Planner::default(),
             kernels: Kernels::new(gpu)?,
             limit: Capacities::DEFAULT,
             timed: false,
+            scratch: Scratch::default(),
+            plan_kernels: PlanKernels::default(),
+            frames: Vec::new(),
+            frames_in_flight: encoder::FRAMES_IN_FLIGHT,
         })
+    }
+
+    /// Its device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
     /// Limits the contents of one batch. The picture does not depend on it. A value below
@@ -103,8 +128,50 @@ impl Renderer {
     /// [`crate::Error::Usage`] if the pass contradicts itself, [`crate::Error::Shader`] if a shader
     /// is out of reach, [`crate::Error::Capacity`] if something does not fit.
     pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
-        let (plan, tables, copies) = self.plan(pass)?;
-        frame::Setup::new(self, pass, &plan, tables.tables, copies)?.record(self, &plan)
+        self.next_frame()?;
+        let mut tables = Tables::default();
+        let prepared = self.prepare_with(pass, &mut tables);
+        self.tables.put_back(tables.tables);
+        prepared
+    }
+
+    fn prepare_with(&mut self, pass: &Pass, tables: &mut Tables) -> Result<Prepared> {
+        let (mut arena, mut scratch) = (Arena::new(&self.gpu), Scratch::default());
+        let (plan, copies) = self.plan(pass, &mut arena, tables)?;
+        let Self { gpu, kernels, timed, plan_kernels, .. } = self;
+        let mut workspace =
+            Workspace { scratch: &mut scratch, arena: &mut arena, kernels: plan_kernels };
+        let setup = Setup::new(gpu, kernels, &mut workspace, (pass, &plan), copies)?;
+        let (mut recordings, mut targets) = (Vec::new(), Vec::new());
+        for (number, band) in setup.bands().enumerate() {
+            let mut recorder = Recorder::new(gpu, "compute pass")?;
+            if *timed {
+                recorder.time_stages();
+            }
+            let target = setup.target(workspace.scratch, &band)?;
+            let (planned, band) = ((&plan, &tables.tables[..]), (number, &band, &target));
+            setup.record(&mut recorder, workspace.arena, kernels, planned, band)?;
+            recordings.push(recorder.finish()?);
+            targets.push(target);
+        }
+        let (attachments, _) = setup.into_parts();
+        self.planner.recycle(plan);
+        Prepared::new(&self.gpu, recordings, Results { extent: pass.extent, attachments, targets })
+    }
+
+    /// Begins a frame, which is recorded anew and runs without being waited for. Waits for the oldest frame if as many
+    /// are in flight as there may be.
+    ///
+    /// # Errors
+    /// [`crate::Error::Lost`] if the device was lost or does not end that frame in time; [`crate::Error::Full`] without
+    /// memory.
+    pub fn begin(&mut self) -> Result<Encoder<'_>> {
+        Encoder::new(self)
+    }
+
+    /// Frames that may be in flight, at least 1; 2 unless set. Each has memory of its own for what the host writes.
+    pub fn set_frames_in_flight(&mut self, frames: usize) {
+        self.frames_in_flight = frames.max(1);
     }
 
     /// Makes kernels that `shader` takes part in, to see whether the driver refuses any. A vertex shader
@@ -114,20 +181,20 @@ impl Renderer {
     /// [`crate::Error::Shader`] if the shader is out of reach, [`crate::Error::Device`] if the driver
     /// refuses a kernel.
     pub fn make_kernels(&mut self, shader: &Arc<Shader>) -> Result<()> {
-        let key = KernelKey {
+        let key = Arc::new(KernelKey {
             shader: shader.clone(),
             specialization: Vec::new(),
             attributes: Vec::new(),
             read: u32::MAX,
-        };
+        });
         self.kernels.next_pass();
         match shader.stage {
-            Stage::Vertex => self.kernels.make(&[KernelRequest::Vertex(key)]),
+            Stage::Vertex => self.kernels.make([KernelRequest::Vertex(key)]),
             Stage::Fragment => {
                 let format = kernels::color_format(Format::Rgba8Srgb)?;
                 let ordered =
                     KernelRequest::Ordered(key.clone(), format, depth_mode(&shader.reflection));
-                self.kernels.make(&[KernelRequest::Shade(key, format), ordered])
+                self.kernels.make([KernelRequest::Shade(key, format), ordered])
             }
         }
     }
@@ -137,28 +204,44 @@ impl Renderer {
     /// # Errors
     /// Those of [`Executor::render`].
     pub fn trace(&mut self, pass: &Pass) -> Result<(Frame, Trace)> {
-        let (plan, tables, copies) = self.plan(pass)?;
-        let setup = frame::Setup::new(self, pass, &plan, tables.tables, copies)?;
-        setup.trace(self, &plan, tables.buffers)
+        self.next_frame()?;
+        let mut tables = Tables::traced();
+        let traced = self.trace_with(pass, &mut tables);
+        self.tables.put_back(tables.tables);
+        traced
     }
 
-    fn plan(&mut self, pass: &Pass) -> Result<(Plan, Tables, Copies)> {
-        pass.check(&mut self.ranges)?;
+    fn trace_with(&mut self, pass: &Pass, tables: &mut Tables) -> Result<(Frame, Trace)> {
+        let (mut arena, mut scratch) = (Arena::new(&self.gpu), Scratch::default());
+        let (plan, copies) = self.plan(pass, &mut arena, tables)?;
+        let (scratch, arena) = (&mut scratch, &mut arena);
+        let mut workspace = Workspace { scratch, arena, kernels: &mut self.plan_kernels };
+        let of_pass = (pass, &plan);
+        let setup = Setup::new(&self.gpu, &mut self.kernels, &mut workspace, of_pass, copies)?;
+        setup.trace(&self.kernels, workspace, (pass, &plan), tables)
+    }
+
+    /// Lets go of what frames did not need lately.
+    fn next_frame(&mut self) -> Result<()> {
         self.resources.trim();
         self.kernels.next_pass();
-        self.tables.next_pass()?;
+        self.tables.next_pass()
+    }
+
+    /// Plans `pass`, uploads what is new of it, and gives it slots in `tables`.
+    fn plan(
+        &mut self,
+        pass: &Pass,
+        arena: &mut Arena,
+        tables: &mut Tables,
+    ) -> Result<(Plan, Copies)> {
+        pass.check(&mut self.known)?;
         let copies = Copies::new(&self.gpu, &mut self.resources, pass)?;
-        let (resources, tables) = (&mut self.resources, &mut self.tables);
-        let mut slots = TableSlots::new(&self.gpu, resources, tables, &copies)?;
-        let plan = Plan::new(pass, self.limit, &mut self.ranges, &mut slots);
-        let tables = slots.into_tables();
-        match plan.and_then(|plan| self.resources.flush().map(|()| plan)) {
-            Ok(plan) => Ok((plan, tables, copies)),
-            Err(error) => {
-                self.tables.put_back(tables.tables);
-                Err(error)
-            }
-        }
+        let mut slots =
+            TableSlots::new(&mut self.tables, &mut self.resources, &copies, arena, tables)?;
+        let plan = self.planner.plan(pass, self.limit, &mut self.known.ranges, &mut slots);
+        self.resources.flush()?;
+        Ok((plan?, copies))
     }
 }
 

@@ -6,14 +6,14 @@ use crate::{
     kept::KEPT_PASSES,
     pass::{self, Binding, BindingEntry, BindingSet},
     plan::Slots,
-    vk::{Buffer, Copies, Gpu, Memory, ResourceTable, Resources},
+    vk::{Arena, Copies, Gpu, ResourceTable, Resources, Unfinished},
 };
-use std::{collections::HashMap, sync::Arc};
-
-/// Push-constant blocks begin at multiples of this: the largest alignment a device may ask for.
-const PUSH_ALIGNMENT: usize = 256;
-/// Bytes of a buffer of push-constant blocks, if one block is not more.
-const PUSH_BYTES: usize = 1 << 20;
+use std::{
+    collections::{HashMap, hash_map::DefaultHasher},
+    hash::{Hash, Hasher},
+    ops::Range,
+    sync::Arc,
+};
 
 /// Resource tables, kept from pass to pass: making a table costs as much as filling it with thousands of
 /// resources, however few a pass needs.
@@ -65,61 +65,113 @@ impl TablePool {
     }
 }
 
-/// Uploads resources for the planner and hands out their slots.
-pub struct TableSlots<'a> {
-    gpu: &'a Gpu,
-    pool: &'a mut TablePool,
-    resources: &'a mut Resources,
-    copies: &'a Copies,
-    tables: Tables,
-    /// Slots of push-constant blocks by content: draws often share theirs.
-    pushed: HashMap<Vec<u8>, u32>,
-    /// The push-constant buffer that is being filled, and the bytes that are.
-    open: Option<(Buffer<u8>, usize)>,
-    /// First slots of what sets bind. The pass holds the sets while it is planned, so that an address
-    /// stands for one of them.
-    bound: HashMap<(*const BindingSet, u32, u32), u32>,
-    /// First slots of buffers that have several.
-    long: HashMap<*const pass::Buffer, u32>,
-}
-
-/// The resource tables of a pass: one, unless it binds more than that has room for.
+/// The resource tables of a pass that is prepared, or of all passes of a frame: one, unless they bind more than that has
+/// room for.
+#[derive(Default)]
 pub struct Tables {
     /// In the order of [`crate::plan::BatchPlan::table`].
     pub tables: Vec<ResourceTable>,
-    /// For each of them its vertex and index buffers by slot.
-    pub buffers: Vec<HashMap<u32, Arc<pass::Buffer>>>,
+    /// For each table its vertex and index buffers by slot, if they are wanted.
+    pub buffers: Option<Vec<HashMap<u32, Arc<pass::Buffer>>>>,
+    /// The commands of the frame that the tables are for, if they are for one.
+    commands: Option<Unfinished>,
+    /// Whether another pass has slots in the last table.
+    shared: bool,
+    pushed: Pushed,
+    /// First slots of what sets bind. The pass holds the sets while it is planned, so that an address
+    /// stands for one of them.
+    bound: HashMap<(usize, u32, u32), u32>,
+    /// First slots of buffers that have several.
+    long: HashMap<usize, u32>,
+}
+
+/// Slots of push-constant blocks by content: draws often share theirs.
+#[derive(Default)]
+struct Pushed {
+    /// The contents, one after the other.
+    bytes: Vec<u8>,
+    /// By hash: where a content is in `bytes`, and its slot.
+    slots: HashMap<u64, (Range<usize>, u32)>,
+}
+
+impl Tables {
+    /// No tables, of which a trace will want the buffers.
+    pub fn traced() -> Self {
+        Self { buffers: Some(Vec::new()), ..Self::default() }
+    }
+
+    /// Begins a pass, whose slots come behind those of the passes before.
+    pub fn begin_pass(&mut self) {
+        self.shared = !self.tables.is_empty();
+        self.bound.clear();
+        self.long.clear();
+    }
+
+    /// Empties the tables, all but the first of which go, and begins a frame that `commands` record.
+    pub fn begin_frame(&mut self, commands: Unfinished) -> Result<()> {
+        self.tables.truncate(1);
+        self.pushed.clear();
+        for table in &mut self.tables {
+            table.clear()?;
+            table.open_for(&commands)?;
+        }
+        self.commands = Some(commands);
+        Ok(())
+    }
+}
+
+impl Pushed {
+    fn hash(content: &[u8]) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        content.hash(&mut hasher);
+        hasher.finish()
+    }
+
+    fn find(&self, hash: u64, content: &[u8]) -> Option<u32> {
+        let (range, slot) = self.slots.get(&hash)?;
+        (self.bytes[range.clone()] == *content).then_some(*slot)
+    }
+
+    fn insert(&mut self, hash: u64, content: &[u8], slot: u32) {
+        let first = self.bytes.len();
+        self.bytes.extend_from_slice(content);
+        self.slots.insert(hash, (first..self.bytes.len(), slot));
+    }
+
+    fn clear(&mut self) {
+        self.bytes.clear();
+        self.slots.clear();
+    }
+}
+
+/// Uploads resources for the planner and hands out their slots.
+pub struct TableSlots<'a> {
+    pool: &'a mut TablePool,
+    resources: &'a mut Resources,
+    copies: &'a Copies,
+    arena: &'a mut Arena,
+    tables: &'a mut Tables,
 }
 
 impl<'a> TableSlots<'a> {
+    /// Slots in the last of `tables`, or in one of `pool` if there is none.
     pub fn new(
-        gpu: &'a Gpu,
-        resources: &'a mut Resources,
         pool: &'a mut TablePool,
+        resources: &'a mut Resources,
         copies: &'a Copies,
+        arena: &'a mut Arena,
+        tables: &'a mut Tables,
     ) -> Result<TableSlots<'a>> {
-        let mut slots = TableSlots {
-            gpu,
-            pool,
-            resources,
-            copies,
-            tables: Tables { tables: Vec::new(), buffers: Vec::new() },
-            pushed: HashMap::new(),
-            open: None,
-            bound: HashMap::new(),
-            long: HashMap::new(),
-        };
-        slots.next_table()?;
+        tables.begin_pass();
+        let mut slots = TableSlots { pool, resources, copies, arena, tables };
+        if slots.tables.tables.is_empty() {
+            slots.next_table()?;
+        }
         Ok(slots)
     }
 
-    /// The tables that were filled.
-    pub fn into_tables(self) -> Tables {
-        self.tables
-    }
-
     /// The table that is being filled.
-    fn table(&mut self) -> &mut ResourceTable {
+    fn open_table(&mut self) -> &mut ResourceTable {
         self.tables.tables.last_mut().expect("there is always one")
     }
 
@@ -130,10 +182,13 @@ impl<'a> TableSlots<'a> {
         count: usize,
         mut insert: impl FnMut(&mut Self, usize) -> Result<u32>,
     ) -> Result<u32> {
-        self.table().take_fresh_slots(true);
-        let slots: Result<Vec<u32>> = (0..count).map(|n| insert(self, n)).collect();
-        self.table().take_fresh_slots(false);
-        Ok(slots?.first().copied().unwrap_or(0))
+        self.open_table().take_fresh_slots(true);
+        let first = (0..count).try_fold(None, |first, n| {
+            let slot = insert(self, n)?;
+            Ok(first.or(Some(slot)))
+        });
+        self.open_table().take_fresh_slots(false);
+        first.map(Option::unwrap_or_default)
     }
 
     /// The slot of a resource. If it is a block, `block` is its size in bytes.
@@ -141,25 +196,25 @@ impl<'a> TableSlots<'a> {
         match binding {
             Binding::Uniform(range) => {
                 let block = self.resources.block(range, block as usize)?;
-                self.table().insert_buffer(&block)
+                self.open_table().insert_buffer(&block)
             }
             Binding::Storage(range) => {
                 let buffer = self.copies.storage(self.resources, &range.buffer)?;
                 let slice = buffer.slice(range.offset..range.offset + range.bytes)?;
-                self.table().insert_buffer(&slice)
+                self.open_table().insert_buffer(&slice)
             }
             Binding::Sampled(texture, sampler) => {
                 let image = self.resources.texture(texture)?;
                 let sampler = self.resources.sampler(sampler)?;
-                self.table().insert_sampled(&image, &sampler)
+                self.open_table().insert_sampled(&image, &sampler)
             }
             Binding::Texture(texture) => {
                 let image = self.resources.texture(texture)?;
-                self.table().insert_texture(&image)
+                self.open_table().insert_texture(&image)
             }
             Binding::Sampler(sampler) => {
                 let sampler = self.resources.sampler(sampler)?;
-                self.table().insert_sampler(&sampler)
+                self.open_table().insert_sampler(&sampler)
             }
         }
     }
@@ -178,27 +233,27 @@ impl Slots for TableSlots<'_> {
             });
         }
         let slot = if uploaded.len() <= window {
-            self.table().insert_buffer(&uploaded)?
-        } else if let Some(&first) = self.long.get(&Arc::as_ptr(buffer)) {
+            self.open_table().insert_buffer(&uploaded)?
+        } else if let Some(&first) = self.tables.long.get(&(Arc::as_ptr(buffer) as usize)) {
             return Ok(first);
         } else {
             let windows = uploaded.len().div_ceil(window);
             let first = self.consecutive(windows, |slots, n| {
                 let end = uploaded.len().min((n + 1) * window + abi::WINDOW_OVERLAP as usize);
-                slots.table().insert_buffer(&uploaded.slice(n * window..end)?)
+                slots.open_table().insert_buffer(&uploaded.slice(n * window..end)?)
             })?;
-            self.long.insert(Arc::as_ptr(buffer), first);
+            self.tables.long.insert(Arc::as_ptr(buffer) as usize, first);
             first
         };
-        if let Some(buffers) = self.tables.buffers.last_mut() {
+        if let Some(buffers) = self.tables.buffers.as_mut().and_then(|all| all.last_mut()) {
             buffers.insert(slot, buffer.clone());
         }
         Ok(slot)
     }
 
     fn bindings(&mut self, set: &Arc<BindingSet>, entry: &BindingEntry, block: u32) -> Result<u32> {
-        let key = (Arc::as_ptr(set), entry.binding, block);
-        if let Some(&first) = self.bound.get(&key) {
+        let key = (Arc::as_ptr(set) as usize, entry.binding, block);
+        if let Some(&first) = self.tables.bound.get(&key) {
             return Ok(first);
         }
         let first = match entry.resources.as_slice() {
@@ -207,25 +262,18 @@ impl Slots for TableSlots<'_> {
             [one] => self.insert(one, block)?,
             all => self.consecutive(all.len(), |slots, n| slots.insert(&all[n], block))?,
         };
-        self.bound.insert(key, first);
+        self.tables.bound.insert(key, first);
         Ok(first)
     }
 
     fn push_constants(&mut self, bytes: &[u8]) -> Result<u32> {
-        if let Some(&slot) = self.pushed.get(bytes) {
+        let hash = Pushed::hash(bytes);
+        if let Some(slot) = self.tables.pushed.find(hash, bytes) {
             return Ok(slot);
         }
-        let stride = bytes.len().next_multiple_of(PUSH_ALIGNMENT);
-        if self.open.as_ref().is_none_or(|(buffer, used)| used + stride > buffer.len()) {
-            let length = PUSH_BYTES.max(stride);
-            self.open = Some((Buffer::new(self.gpu, "push constants", length, Memory::Upload)?, 0));
-        }
-        let Some((buffer, used)) = &mut self.open else { unreachable!("it was opened") };
-        buffer.write(*used, bytes)?;
-        let block = buffer.slice(*used..*used + stride)?;
-        *used += stride;
-        let slot = self.table().insert_buffer(&block)?;
-        self.pushed.insert(bytes.to_vec(), slot);
+        let block = self.arena.push_padded(bytes)?;
+        let slot = self.open_table().insert_buffer(&block)?;
+        self.tables.pushed.insert(hash, bytes, slot);
         Ok(slot)
     }
 
@@ -234,11 +282,26 @@ impl Slots for TableSlots<'_> {
     }
 
     fn next_table(&mut self) -> Result<()> {
-        self.tables.tables.push(self.pool.take()?);
-        self.tables.buffers.push(HashMap::new());
-        self.pushed.clear();
-        self.bound.clear();
-        self.long.clear();
+        let mut table = self.pool.take()?;
+        if let Some(commands) = &self.tables.commands {
+            table.open_for(commands)?;
+        }
+        self.tables.tables.push(table);
+        if let Some(buffers) = &mut self.tables.buffers {
+            buffers.push(HashMap::new());
+        }
+        self.tables.shared = false;
+        self.tables.pushed.clear();
+        self.tables.bound.clear();
+        self.tables.long.clear();
         Ok(())
+    }
+
+    fn table(&self) -> usize {
+        self.tables.tables.len() - 1
+    }
+
+    fn is_shared(&self) -> bool {
+        self.tables.shared
     }
 }

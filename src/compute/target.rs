@@ -3,7 +3,10 @@
 //! Kernels work on the rows, with no copy of a bin between a clear and a resolve of all
 //! pixels; `docs/tried.md` has the cost of such copies.
 
-use super::attach::{Attachment, Attachments};
+use super::{
+    attach::{Attachment, Attachments},
+    scratch::Scratch,
+};
 use crate::{
     error::Result,
     grid::Grid,
@@ -27,16 +30,21 @@ pub struct Target {
 }
 
 impl Target {
-    pub fn new(gpu: &Gpu, band: &Grid, attachments: &Attachments) -> Result<Self> {
+    /// Rows that the host does not read are in `scratch`.
+    pub fn new(
+        gpu: &Gpu,
+        scratch: &mut Scratch,
+        band: &Grid,
+        attachments: &Attachments,
+    ) -> Result<Self> {
         let Attachments { color, depth, .. } = attachments;
         let pixels = band.extent.pixels();
         let words = pixels * attachments.rows_format().texel_bytes() / 4;
         let (color, host_color) =
-            rows(gpu, "color", words, color.as_ref().is_some_and(Attachment::is_read))?;
+            rows(gpu, scratch, "color", words, color.as_ref().is_some_and(Attachment::is_read))?;
         let (depth, host_depth) =
-            rows(gpu, "depth", pixels, depth.as_ref().is_some_and(Attachment::is_read))?;
-        let bins = band.bins() as usize;
-        let bin_bounds = Buffer::new(gpu, "bounds of bins", bins, Memory::Device)?;
+            rows(gpu, scratch, "depth", pixels, depth.as_ref().is_some_and(Attachment::is_read))?;
+        let bin_bounds = scratch.get(gpu, "bounds of bins", band.bins() as usize)?;
         Ok(Self { color, depth, bin_bounds, host_color, host_depth })
     }
 
@@ -54,12 +62,13 @@ impl Target {
 /// Memory for `len` elements of rows, and the memory where the host reads them.
 fn rows<T: Pod>(
     gpu: &Gpu,
-    name: &str,
+    scratch: &mut Scratch,
+    name: &'static str,
     len: usize,
     is_read: bool,
 ) -> Result<(Buffer<T>, Option<Buffer<T>>)> {
     if !is_read {
-        return Ok((Buffer::new(gpu, name, len, Memory::Device)?, None));
+        return Ok((scratch.get(gpu, name, len)?, None));
     }
     let host = Buffer::new(gpu, name, len, Memory::Readback)?;
     let rows = match gpu.has_unified_memory() {

@@ -1,11 +1,16 @@
 //! Executes a pass batch by batch and reads every intermediate back.
 
-use super::{Renderer, frame::Setup};
+use super::{
+    frame::{Setup, Workspace},
+    kernels::Kernels,
+    prepared::{Prepared, Results},
+    slots::Tables,
+};
 use crate::{
     abi::{self, Piece},
     error::Result,
     grid::{Grid, pixel_number},
-    pass::{Buffer, Frame},
+    pass::{Buffer, Frame, Pass},
     plan::{BatchPlan, Method, Plan},
     state::Topology,
     trace::{BatchTrace, Parts, Positions, Primitive, Trace, Triangle, Vertex},
@@ -17,30 +22,29 @@ impl Setup {
     /// `tables` has for each resource table its index and vertex buffers, by the first of their slots.
     pub(super) fn trace(
         self,
-        renderer: &mut Renderer,
-        plan: &Plan,
-        tables: Vec<HashMap<u32, Arc<Buffer>>>,
+        kernels: &Kernels,
+        workspace: Workspace<'_>,
+        (pass, plan): (&Pass, &Plan),
+        tables: &Tables,
     ) -> Result<(Frame, Trace)> {
-        let (mut shaded, mut bands) = (Vec::new(), Vec::new());
-        let tables: Vec<_> = tables.iter().map(contents).collect::<Result<_>>()?;
+        let (mut shaded, mut bands, mut targets) = (Vec::new(), Vec::new(), Vec::new());
+        let buffers = tables.buffers.iter().flatten();
+        let contents: Vec<_> = buffers.map(contents).collect::<Result<_>>()?;
         let (gpu, buffers) = self.parts();
-        for (band, target) in self.bands.iter().zip(self.targets()) {
+        let gpu = &gpu.clone();
+        for band in &self.bands().collect::<Vec<_>>() {
+            let target = self.target(workspace.scratch, band)?;
             let mut batches = Vec::new();
-            let pieces = self.pieces(band, plan)?;
+            let pieces = self.pieces(workspace.arena, band, plan)?;
             let mut recorder = Recorder::new(gpu, "beginning of a band")?;
-            self.begin(renderer, &mut recorder, (band, target))?;
+            self.begin(kernels, &mut recorder, (band, &target))?;
             recorder.submit()?;
             for (number, batch) in plan.batches.iter().enumerate() {
                 let mut recorder = Recorder::new(gpu, "traced batch")?;
                 recorder.fill(&buffers.visibility, 0)?;
-                self.batch(
-                    renderer,
-                    &mut recorder,
-                    (band, target),
-                    &pieces,
-                    (number, batch),
-                    (true, true),
-                )?;
+                let from = (&pieces, &tables.tables[batch.table]);
+                let how = (true, true);
+                self.batch(kernels, &mut recorder, (band, &target), from, (number, batch), how)?;
                 let positions = recorder.download(&buffers.positions)?;
                 let triangles = recorder.download(&buffers.triangles)?;
                 let ends = recorder.download(&buffers.cell_ends)?;
@@ -56,7 +60,7 @@ impl Setup {
                     let args = &args[..batch.fragment_kernels.len()];
                     show_covered(&mut visibility, band, args, &shade_bins.read()?);
                 }
-                let names = Names { plan, batch, buffers: &tables[batch.table] };
+                let names = Names { plan, batch, buffers: &contents[batch.table] };
                 shaded.extend(names.shaded(&positions.read()?));
                 batches.push(BatchTrace {
                     grid: *band,
@@ -68,19 +72,14 @@ impl Setup {
                 });
             }
             let mut recorder = Recorder::new(gpu, "end of a band")?;
-            self.end(&mut recorder, (band, target))?;
+            self.end(&mut recorder, (band, &target))?;
             recorder.submit()?;
+            targets.push(target);
             bands.push(batches);
         }
-        let results = self.results();
-        for target in self.targets() {
-            let copies = [target.copy_of_color(gpu)?, target.copy_of_depth(gpu)?];
-            for mut copy in copies.into_iter().flatten() {
-                copy.run()?;
-            }
-        }
-        let frame = results.read()?;
-        renderer.tables.put_back(self.tables);
+        let (attachments, _) = self.into_parts();
+        let results = Results { extent: pass.extent, attachments, targets };
+        let frame = Prepared::new(gpu, Vec::new(), results)?.read()?;
         Ok((frame, Trace { positions: Positions::new(shaded), bands }))
     }
 }

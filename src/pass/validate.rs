@@ -7,6 +7,7 @@ use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline,
 use crate::{
     error::{Error, Result},
     image::Extent,
+    kept::ByIdentity,
     shader::{Resource, ResourceKind},
     state::{Rect, Viewport},
     texture::Texture,
@@ -37,25 +38,18 @@ impl Pass {
     /// # Errors
     /// [`Error::Usage`] naming the draw or pipeline, the resource and the fault.
     pub fn validate(&self) -> Result<()> {
-        self.check(&mut IndexRanges::default())
+        self.check(&mut Known::default())
     }
 
-    /// As [`Pass::validate`], with the ranges of indices that an executor remembers.
-    pub(crate) fn check(&self, ranges: &mut IndexRanges) -> Result<()> {
+    /// As [`Pass::validate`], with what an executor remembers.
+    pub(crate) fn check(&self, known: &mut Known) -> Result<()> {
         let named = |what: String| move |fault| Error::Usage(format!("{what}: {fault}"));
-        self.check_targets().map_err(named(format!("pass `{}`", self.label)))?;
-        let checked = self.pipelines.iter().map(|pipeline| {
-            pipeline::check(pipeline).map_err(named(format!("pipeline `{}`", pipeline.label)))
-        });
-        let resources = checked.collect::<Result<Vec<_>>>()?;
-        let colors = self.colors.iter().filter_map(|color| color.image.as_ref());
-        let depth = self.depth.iter().filter_map(|depth| depth.image.as_ref());
-        let mut verified = Verified {
-            ranges,
-            targets: colors.chain(depth).collect(),
-            sets: HashSet::new(),
-            textures: HashSet::new(),
-        };
+        self.check_targets().map_err(|fault| named(format!("pass `{}`", self.label))(fault))?;
+        known.begin();
+        for pipeline in &self.pipelines {
+            let found = known.resources(pipeline);
+            found.map_err(|fault| named(format!("pipeline `{}`", pipeline.label))(fault))?;
+        }
         for (n, draw) in self.draws.iter().enumerate() {
             let Some(pipeline) = self.pipelines.get(draw.pipeline) else {
                 return Err(Error::Usage(format!(
@@ -64,8 +58,10 @@ impl Pass {
                     self.pipelines.len()
                 )));
             };
-            check_draw(draw, pipeline, &resources[draw.pipeline], &mut verified)
-                .map_err(named(format!("draw {n} (pipeline `{}`)", pipeline.label)))?;
+            let resources = known.of_pass[draw.pipeline].clone();
+            check_draw(draw, pipeline, &resources, &mut Verified { pass: self, known }).map_err(
+                |fault| named(format!("draw {n} (pipeline `{}`)", pipeline.label))(fault),
+            )?;
         }
         Ok(())
     }
@@ -86,17 +82,42 @@ impl Pass {
     }
 }
 
-/// The sets and textures that were found valid before, so that thousands of draws that share them are checked
-/// quickly. A key holds everything that its verdict depends on. The address of an object stands for its
-/// content: the pass does not change while it is checked.
+/// What an executor remembers of the passes that it has checked, and of the one that it checks.
+#[derive(Default)]
+pub(crate) struct Known {
+    /// Ranges of indices.
+    pub ranges: IndexRanges,
+    /// The pipelines that were found valid, with what has to be bound to them.
+    pipelines: ByIdentity<Pipeline, Arc<[Resource]>>,
+    /// What has to be bound to the pipelines of the pass.
+    of_pass: Vec<Arc<[Resource]>>,
+    /// The sets and textures of the pass that were found valid, so that thousands of draws that share them are
+    /// checked quickly. A key holds everything that its verdict depends on: pipeline, number of the set, address of
+    /// the set. An address stands for its content: the pass does not change while it is checked.
+    sets: HashSet<(usize, u32, usize)>,
+    textures: HashSet<usize>,
+}
+
+impl Known {
+    fn begin(&mut self) {
+        self.of_pass.clear();
+        self.sets.clear();
+        self.textures.clear();
+    }
+
+    /// Checks the next pipeline of the pass.
+    fn resources(&mut self, pipeline: &Arc<Pipeline>) -> Fault {
+        let check = || pipeline::check(pipeline).map(Arc::from);
+        let resources = self.pipelines.get(pipeline, check)?.clone();
+        self.of_pass.push(resources);
+        Ok(())
+    }
+}
+
+/// The pass that is checked, and what is known.
 struct Verified<'r> {
-    ranges: &'r mut IndexRanges,
-    /// The images that the pass draws to.
-    targets: Vec<&'r vk::Image>,
-    /// Pipeline, number of the set, set: the set binds all that the pipeline's shaders declare under this
-    /// number.
-    sets: HashSet<(usize, u32, *const BindingSet)>,
-    textures: HashSet<*const Texture>,
+    pass: &'r Pass,
+    known: &'r mut Known,
 }
 
 fn check_draw(
@@ -123,7 +144,7 @@ fn check_draw(
         return Err(format!("the scissor {x},{y} {width}x{height} is too large"));
     }
     check_sets(draw, resources, verified)?;
-    check_vertices(draw, pipeline, verified.ranges)
+    check_vertices(draw, pipeline, &mut verified.known.ranges)
 }
 
 fn check_viewport(v: &Viewport) -> Fault {
@@ -149,14 +170,14 @@ fn check_sets(draw: &Draw, resources: &[Resource], verified: &mut Verified<'_>) 
     for of_set in resources.chunk_by(|a, b| a.set == b.set) {
         let number = of_set[0].set;
         let set = draw.sets.get(number as usize);
-        let key = (draw.pipeline, number, set.map_or(std::ptr::null(), Arc::as_ptr));
-        if verified.sets.contains(&key) {
+        let key = (draw.pipeline, number, set.map_or(0, |set| Arc::as_ptr(set) as usize));
+        if verified.known.sets.contains(&key) {
             continue;
         }
         for resource in of_set {
             check_resource(set, resource, verified)?;
         }
-        verified.sets.insert(key);
+        verified.known.sets.insert(key);
     }
     Ok(())
 }
@@ -215,20 +236,22 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
         }
     }
     match texture {
-        Some(texture) if verified.textures.insert(Arc::as_ptr(texture)) => {
-            check_texture(texture, &verified.targets)
+        Some(texture) if verified.known.textures.insert(Arc::as_ptr(texture) as usize) => {
+            check_texture(texture, verified.pass)
                 .map_err(|fault| format!("texture `{}` {fault}", texture.label()))
         }
         _ => Ok(()),
     }
 }
 
-fn check_texture(texture: &Texture, targets: &[&vk::Image]) -> Fault {
+fn check_texture(texture: &Texture, pass: &Pass) -> Fault {
     if let Some(image) = texture.image() {
         if image.usage() != vk::ImageUse::Attachment {
             return Err("is an image that was not made with `ImageUse::Attachment`".into());
         }
-        if targets.iter().any(|target| target.is(image)) {
+        let colors = pass.colors.iter().filter_map(|color| color.image.as_ref());
+        let depth = pass.depth.iter().filter_map(|depth| depth.image.as_ref());
+        if colors.chain(depth).any(|target| target.is(image)) {
             return Err("is a target of the pass that samples it: draw to another image".into());
         }
         return Ok(());

@@ -1,6 +1,6 @@
 //! Cuts one draw into pieces.
 
-use super::{PipelineInfo, Planner};
+use super::{PipelineInfo, Planning, without_repetition};
 use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
@@ -9,7 +9,7 @@ use crate::{
 };
 use std::ops::Range;
 
-impl Planner<'_> {
+impl Planning<'_> {
     /// Cuts `draw`, the pass's number `number`, into pieces of the open batch and of as many more as it takes.
     pub(super) fn draw(&mut self, number: u32, draw: &Draw, info: PipelineInfo) -> Result<()> {
         let pipeline = self.pass.pipelines[draw.pipeline].clone();
@@ -28,7 +28,7 @@ impl Planner<'_> {
             Err(Error::Full(_)) if self.in_table > 0 && self.slots.is_full() => {
                 self.close();
                 self.slots.next_table()?;
-                (self.table, self.in_table) = (self.table + 1, 0);
+                self.in_table = 0;
                 self.template(draw, &pipeline, info)?
             }
             template => template?,
@@ -202,29 +202,24 @@ impl Planner<'_> {
     /// One entry for each location the vertex shader might read, in order.
     fn attributes(&mut self, draw: &Draw, pipeline: &Pipeline) -> Result<u32> {
         let locations = pipeline.vertex.reflection.inputs.iter().map(|v| v.location + 1).max();
-        let mut list = Vec::new();
+        let base = self.plan.attributes.len();
         for location in 0..locations.unwrap_or(0) {
             let attribute = pipeline.vertex_attributes.iter().find(|a| a.location == location);
             let Some(attribute) = attribute else {
-                list.push(Attribute { slot: abi::NONE, ..Attribute::default() });
+                let none = Attribute { slot: abi::NONE, ..Attribute::default() };
+                self.plan.attributes.push(none);
                 continue;
             };
             let binding = pipeline.vertex_bindings[attribute.binding as usize];
             let range = &draw.vertex_buffers[attribute.binding as usize];
-            list.push(Attribute {
+            self.plan.attributes.push(Attribute {
                 slot: self.slots.buffer(&range.buffer)?,
                 offset: range.offset as u32 + attribute.offset,
                 stride: binding.stride,
                 last: last_element(range.bytes, attribute, binding.stride),
             });
         }
-        let base = self.plan.attributes.len();
-        let recent = base.saturating_sub(list.len());
-        if self.plan.attributes[recent..] == list[..] {
-            return Ok(recent as u32);
-        }
-        self.plan.attributes.extend(list);
-        Ok(base as u32)
+        Ok(without_repetition(&mut self.plan.attributes, base))
     }
 
     /// The piece of `primitives` (counted through the draw's instances) and its vertex slots, those

@@ -17,19 +17,21 @@
 //! what is visible.
 
 mod draw;
+mod facts;
 
 use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     grid::Capacities,
-    pass::{
-        BindingEntry, BindingSet, Buffer, Draw, IndexRanges, Pass, Pipeline, StepRate,
-        VertexAttribute, VertexBinding,
-    },
-    shader::{Reflection, Shader, Varying},
+    kept::ByIdentity,
+    pass::{BindingEntry, BindingSet, Buffer, Draw, IndexRanges, Pass, Pipeline},
+    shader::{ResourceArray, Shader},
     state::Compare,
 };
+use facts::{Facts, method};
 use std::{collections::HashMap, sync::Arc};
+
+pub(crate) use facts::depth_mode;
 
 /// Where the executor put a resource: gives the planner slots of the resource table.
 pub trait Slots {
@@ -45,6 +47,10 @@ pub trait Slots {
     fn is_full(&self) -> bool;
     /// Begins another table, which has all slots free.
     fn next_table(&mut self) -> Result<()>;
+    /// The number of the table that slots are in now.
+    fn table(&self) -> usize;
+    /// Whether another pass has slots in that table.
+    fn is_shared(&self) -> bool;
 }
 
 /// A shader with its specialization: one kernel to build. Equal shaders make equal keys, even if a caller
@@ -129,9 +135,9 @@ pub struct Plan {
     /// Table slots, [`Piece::vertex_resources`] and [`Piece::fragment_resources`] count here.
     pub resource_slots: Vec<u32>,
     /// Distinct vertex kernels.
-    pub vertex_kernels: Vec<KernelKey>,
+    pub vertex_kernels: Vec<Arc<KernelKey>>,
     /// Distinct fragment kernels.
-    pub fragment_kernels: Vec<KernelKey>,
+    pub fragment_kernels: Vec<Arc<KernelKey>>,
 }
 
 impl Plan {
@@ -145,26 +151,7 @@ impl Plan {
         ranges: &mut IndexRanges,
         slots: &mut dyn Slots,
     ) -> Result<Plan> {
-        let mut planner = Planner {
-            pass,
-            limit,
-            ranges,
-            slots,
-            plan: Plan::default(),
-            numbers: Numbers::default(),
-            open: None,
-            table: 0,
-            in_table: 0,
-        };
-        let mut pipelines = vec![None; pass.pipelines.len()];
-        for (number, draw) in pass.draws.iter().enumerate() {
-            let pipeline = &pass.pipelines[draw.pipeline];
-            let info =
-                *pipelines[draw.pipeline].get_or_insert_with(|| planner.pipeline_info(pipeline));
-            planner.draw(number as u32, draw, info)?;
-        }
-        planner.close();
-        Ok(planner.plan)
+        Planner::default().plan(pass, limit, ranges, slots)
     }
 
     /// The capacities that the buffers of the largest batch need.
@@ -203,90 +190,152 @@ struct OpenBatch {
     fragment_kernels: Vec<usize>,
 }
 
-impl OpenBatch {
-    fn new(method: Method, piece_first: u32, kept: (u32, u32)) -> Self {
-        Self {
-            method,
-            piece_first,
-            primitives: 0,
-            vertices: kept.0,
-            varying_words: kept.1,
-            kept,
-            vertex_needs: Vec::new(),
-            fragment_kernels: Vec::new(),
-        }
-    }
+/// Makes plans, and keeps what the next one needs: what follows from pipelines, and the memory of plans that it gets
+/// back.
+#[derive(Default)]
+pub struct Planner {
+    facts: ByIdentity<Pipeline, Facts>,
+    spare: Spare,
+}
+
+/// Lists that keep their memory from plan to plan.
+#[derive(Default)]
+struct Spare {
+    plan: Plan,
+    numbers: Numbers,
+    pipelines: Vec<Option<PipelineInfo>>,
+    order: Vec<usize>,
+    open: Vec<OpenBatch>,
+    work: Vec<Vec<VertexWork>>,
+    kernels: Vec<Vec<usize>>,
+    bound: Vec<u32>,
 }
 
 /// Numbers of the plan's kernels.
 #[derive(Default)]
 struct Numbers {
-    vertex: HashMap<KernelKey, usize>,
-    fragment: HashMap<KernelKey, usize>,
+    vertex: HashMap<Arc<KernelKey>, usize>,
+    fragment: HashMap<Arc<KernelKey>, usize>,
 }
 
 /// The number of `key` in `kernels`; a new key is added.
 fn number_of(
-    kernels: &mut Vec<KernelKey>,
-    numbers: &mut HashMap<KernelKey, usize>,
-    key: KernelKey,
+    kernels: &mut Vec<Arc<KernelKey>>,
+    numbers: &mut HashMap<Arc<KernelKey>, usize>,
+    key: &Arc<KernelKey>,
 ) -> usize {
-    *numbers.entry(key).or_insert_with_key(|key| {
+    *numbers.entry(key.clone()).or_insert_with(|| {
         kernels.push(key.clone());
         kernels.len() - 1
     })
 }
 
-struct Planner<'a> {
+impl Planner {
+    /// As [`Plan::new`].
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn plan(
+        &mut self,
+        pass: &Pass,
+        limit: Capacities,
+        ranges: &mut IndexRanges,
+        slots: &mut dyn Slots,
+    ) -> Result<Plan> {
+        let mut spare = std::mem::take(&mut self.spare);
+        spare.numbers.vertex.clear();
+        spare.numbers.fragment.clear();
+        let mut pipelines = std::mem::take(&mut spare.pipelines);
+        pipelines.clear();
+        pipelines.resize(pass.pipelines.len(), None);
+        let mut planning = Planning {
+            pass,
+            limit,
+            ranges,
+            in_table: usize::from(slots.is_shared()),
+            slots,
+            plan: std::mem::take(&mut spare.plan),
+            spare,
+            open: None,
+        };
+        for (number, draw) in pass.draws.iter().enumerate() {
+            let info = match pipelines[draw.pipeline] {
+                Some(info) => info,
+                None => {
+                    let pipeline = &pass.pipelines[draw.pipeline];
+                    let facts =
+                        self.facts.get(pipeline, || Ok::<_, Error>(Facts::new(pipeline)))?;
+                    let info = planning.pipeline_info(facts, draw);
+                    *pipelines[draw.pipeline].insert(info)
+                }
+            };
+            planning.draw(number as u32, draw, info)?;
+        }
+        planning.close();
+        let Planning { plan, spare, .. } = planning;
+        self.spare = Spare { pipelines, ..spare };
+        Ok(plan)
+    }
+
+    /// Takes the memory of a plan that nobody needs any more.
+    pub fn recycle(&mut self, mut plan: Plan) {
+        for mut batch in plan.batches.drain(..) {
+            batch.vertex_work.clear();
+            batch.fragment_kernels.clear();
+            self.spare.work.push(batch.vertex_work);
+            self.spare.kernels.push(batch.fragment_kernels);
+        }
+        plan.pieces.clear();
+        plan.piece_draws.clear();
+        plan.attributes.clear();
+        plan.runs.clear();
+        plan.resource_slots.clear();
+        plan.vertex_kernels.clear();
+        plan.fragment_kernels.clear();
+        self.spare.plan = plan;
+    }
+}
+
+/// A plan that is being made.
+struct Planning<'a> {
     pass: &'a Pass,
     limit: Capacities,
     ranges: &'a mut IndexRanges,
     slots: &'a mut dyn Slots,
     plan: Plan,
-    numbers: Numbers,
+    spare: Spare,
     open: Option<OpenBatch>,
-    /// The table that `slots` fills, and the draws that bind something there.
-    table: usize,
+    /// Draws that have slots in the table that `slots` fills; those of another pass count as one.
     in_table: usize,
 }
 
-impl Planner<'_> {
-    fn pipeline_info(&mut self, pipeline: &Pipeline) -> PipelineInfo {
-        // Pipelines that differ in a constant of one stage share the kernel of the other.
-        let own = |ids: &[u32]| {
-            let all = pipeline.specialization.iter();
-            all.filter(|(id, _)| ids.contains(id)).copied().collect()
-        };
-        let key = |shader: &Arc<Shader>, attributes, read| KernelKey {
-            shader: shader.clone(),
-            specialization: own(&shader.reflection.specialization),
-            attributes,
-            read,
-        };
-        let (plan, numbers) = (&mut self.plan, &mut self.numbers);
-        let vertex = key(&pipeline.vertex, attributes(pipeline), read_outputs(pipeline));
+impl Planning<'_> {
+    fn pipeline_info(&mut self, facts: &Facts, draw: &Draw) -> PipelineInfo {
+        let (plan, numbers) = (&mut self.plan, &mut self.spare.numbers);
+        let Facts { vertex, fragment, varying_stride } = facts;
         let vertex_kernel = number_of(&mut plan.vertex_kernels, &mut numbers.vertex, vertex);
-        let fragment = key(&pipeline.fragment, Vec::new(), 0);
         let fragment_kernel =
             number_of(&mut plan.fragment_kernels, &mut numbers.fragment, fragment);
-        let inputs = &pipeline.fragment.reflection.inputs;
-        let locations = inputs.iter().map(|v| v.location + 1).max();
+        let pipeline = &self.pass.pipelines[draw.pipeline];
         PipelineInfo {
             method: method(pipeline, self.pass.depth.is_some(), fragment_kernel),
             vertex_kernel,
             fragment_kernel,
-            varying_stride: 4 * locations.unwrap_or(0),
+            varying_stride: *varying_stride,
         }
     }
 
     /// Ends the open batch: gives its pieces their vertex slots. The pieces of one kernel come together.
     fn close(&mut self) {
-        let Some(open) = self.open.take() else { return };
-        let mut order: Vec<usize> = (0..open.vertex_needs.len()).collect();
-        order.sort_by_key(|&i| open.vertex_needs[i].0);
+        let Some(mut open) = self.open.take() else { return };
+        let mut order = std::mem::take(&mut self.spare.order);
+        order.clear();
+        order.extend(0..open.vertex_needs.len());
+        // By number within a kernel, as a stable sort would leave them, which takes memory.
+        order.sort_unstable_by_key(|&i| (open.vertex_needs[i].0, i));
         let (mut slot, mut word) = open.kept;
-        let mut vertex_work: Vec<VertexWork> = Vec::new();
-        for i in order {
+        let mut vertex_work = self.spare.work.pop().unwrap_or_default();
+        for &i in &order {
             let (kernel, Some(slots)) = open.vertex_needs[i] else { continue };
             let run = self.plan.runs.len() as u32;
             self.plan.runs.push(open.piece_first + i as u32);
@@ -317,9 +366,12 @@ impl Planner<'_> {
             vertices: open.vertices,
             varying_words: open.varying_words,
             vertex_work,
-            fragment_kernels: open.fragment_kernels,
-            table: self.table,
+            fragment_kernels: std::mem::take(&mut open.fragment_kernels),
+            table: self.slots.table(),
         });
+        open.vertex_needs.clear();
+        self.spare.open.push(open);
+        self.spare.order = order;
     }
 
     /// The open batch for `info`; a new one if the open one has another method or is full.
@@ -334,22 +386,41 @@ impl Planner<'_> {
             self.close();
         }
         let piece_first = self.plan.pieces.len() as u32;
-        self.open.get_or_insert_with(|| OpenBatch::new(info.method, piece_first, (0, 0)))
+        if self.open.is_none() {
+            self.open_batch(info.method, piece_first, (0, 0));
+        }
+        self.open.as_mut().expect("it was opened")
+    }
+
+    fn open_batch(&mut self, method: Method, piece_first: u32, kept: (u32, u32)) {
+        let vertex_needs = self.spare.open.pop().map_or_else(Vec::new, |open| open.vertex_needs);
+        let fragment_kernels = self.spare.kernels.pop().unwrap_or_default();
+        self.open = Some(OpenBatch {
+            method,
+            piece_first,
+            primitives: 0,
+            vertices: kept.0,
+            varying_words: kept.1,
+            kept,
+            vertex_needs,
+            fragment_kernels,
+        });
     }
 
     /// Opens a batch in which the first `slots` vertex slots of the one before stay in place.
     fn keep(&mut self, info: PipelineInfo, slots: u32) {
         let kept = (slots, slots * info.varying_stride);
-        self.open = Some(OpenBatch::new(info.method, self.plan.pieces.len() as u32, kept));
+        self.open_batch(info.method, self.plan.pieces.len() as u32, kept);
     }
 
     /// Lists the numbers that a shader's kernel gets for a draw, in the order of [`Shader::last_element`]. Returns
     /// where they start.
     fn resources(&mut self, shader: &Shader, draw: &Draw) -> Result<u32> {
         let arrays = &shader.details.arrays;
-        let mut list = Vec::with_capacity(shader.reflection.resources.len() + 1 + arrays.len());
+        let base = self.plan.resource_slots.len();
         // Elements of each resource, if there are arrays at all.
-        let mut bound = Vec::new();
+        let mut bound = std::mem::take(&mut self.spare.bound);
+        bound.clear();
         for resource in &shader.reflection.resources {
             let found = draw.sets.get(resource.set as usize).and_then(|set| {
                 let entry = set.entries.iter().find(|e| e.binding == resource.binding)?;
@@ -361,7 +432,7 @@ impl Planner<'_> {
                     shader.label, resource.set, resource.binding
                 )));
             };
-            list.push(self.slots.bindings(set, entry, resource.bytes)?);
+            self.plan.resource_slots.push(self.slots.bindings(set, entry, resource.bytes)?);
             if !arrays.is_empty() {
                 // More may be bound than the shader declares.
                 let declared = if resource.count == 0 { u32::MAX } else { resource.count };
@@ -369,75 +440,22 @@ impl Planner<'_> {
             }
         }
         if shader.reflection.push_constant_bytes > 0 {
-            list.push(self.slots.push_constants(&draw.push_constants)?);
+            self.plan.resource_slots.push(self.slots.push_constants(&draw.push_constants)?);
         }
-        list.extend(arrays.iter().map(|array| bound[array.number as usize].saturating_sub(1)));
-        let base = self.plan.resource_slots.len();
-        // Draws that follow each other often bind the same.
-        let recent = base.saturating_sub(list.len());
-        if self.plan.resource_slots[recent..] == list[..] {
-            return Ok(recent as u32);
-        }
-        self.plan.resource_slots.extend(list);
-        Ok(base as u32)
+        let last = |array: &ResourceArray| bound[array.number as usize].saturating_sub(1);
+        self.plan.resource_slots.extend(arrays.iter().map(last));
+        self.spare.bound = bound;
+        Ok(without_repetition(&mut self.plan.resource_slots, base))
     }
 }
 
-/// The attributes of a pipeline, ordered by location.
-fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
-    let format = |attribute: &VertexAttribute| {
-        let format = attribute.format;
-        let VertexBinding { stride, rate } = pipeline.vertex_bindings[attribute.binding as usize];
-        // One element for all vertices is also one for all vertices of an instance.
-        let per_instance = rate == StepRate::Instance || stride == 0;
-        let per_instance = u32::from(per_instance) * abi::ATTRIBUTE_PER_INSTANCE;
-        let count = u32::from(format.count) << abi::ATTRIBUTE_COUNT_SHIFT;
-        (attribute.location, format.component as u32 | count | per_instance)
-    };
-    let read = |a: &&VertexAttribute| {
-        pipeline.vertex.reflection.inputs.iter().any(|input| input.location == a.location)
-    };
-    let mut all: Vec<_> = pipeline.vertex_attributes.iter().filter(read).map(format).collect();
-    all.sort_unstable();
-    all
-}
-
-/// The locations that the vertex shader of a pipeline writes and its fragment shader reads, a bit each.
-fn read_outputs(pipeline: &Pipeline) -> u32 {
-    let locations = |varyings: &[Varying]| {
-        let of = |v: &Varying| 1u32.checked_shl(v.location).unwrap_or(0);
-        varyings.iter().fold(0, |all, varying| all | of(varying))
-    };
-    let [vertex, fragment] = [&pipeline.vertex, &pipeline.fragment].map(|s| &s.reflection);
-    locations(&vertex.outputs) & locations(&fragment.inputs)
-}
-
-/// How a pipeline is drawn.
-fn method(pipeline: &Pipeline, has_depth: bool, kernel: usize) -> Method {
-    let fragment = &pipeline.fragment.reflection;
-    let keyed = matches!(
-        pipeline.depth.compare,
-        Compare::Less | Compare::LessOrEqual | Compare::Greater | Compare::GreaterOrEqual
-    );
-    let tested = has_depth && pipeline.depth.test && pipeline.depth.write && keyed;
-    if tested && is_pure(fragment) && pipeline.blend.is_none() {
-        return Method::Opaque(pipeline.depth.compare);
+/// Where the part of `list` from `base` on begins. Draws that follow each other often bind the same, so it is taken off
+/// again where the part before is equal.
+fn without_repetition<T: PartialEq>(list: &mut Vec<T>, base: usize) -> u32 {
+    let before = base.saturating_sub(list.len() - base);
+    if list[before..base] == list[base..] {
+        list.truncate(base);
+        return before as u32;
     }
-    Method::Ordered { kernel, depth: depth_mode(fragment) }
-}
-
-/// Whether a fragment shader does nothing except return a colour.
-fn is_pure(fragment: &Reflection) -> bool {
-    !fragment.discards && !fragment.writes_depth && !fragment.has_side_effects
-}
-
-/// When ordered work tests depth: one of `abi::DEPTH_*`.
-pub(crate) fn depth_mode(fragment: &Reflection) -> u32 {
-    if fragment.early_fragment_tests || is_pure(fragment) {
-        abi::DEPTH_EARLY
-    } else if fragment.writes_depth || fragment.has_side_effects {
-        abi::DEPTH_LATE
-    } else {
-        abi::DEPTH_EARLY_TEST
-    }
+    base as u32
 }

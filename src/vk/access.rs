@@ -2,10 +2,14 @@
 //!
 //! Handles are shared: a clone of a buffer may be written by one thread while another one runs a recording
 //! that reads it. So host and device take turns, one lock for each device. A run holds the device's turn
-//! until its fence; runs of several threads share it, since barriers order them. The host's turn, which
-//! excludes everybody else, is taken for each access to mapped memory and for each change to a resource
+//! until it has ended; runs of several threads share it, since barriers order them. A recording that is started and not
+//! waited for holds it only while it is submitted. The host's turn, which excludes everybody else, waits for all that was
+//! started, and is taken for each access to mapped memory and for each change to a resource
 //! table that recordings may have bound. Nobody waits for a turn longer than a run may take
 //! ([`super::GpuOptions::timeout`]).
+//!
+//! A timeline semaphore counts the submissions of a device. There is one queue, and barriers order all that it gets, so
+//! that a submission has ended when the timeline has reached its number.
 //!
 //! Memory that nobody else can reach yet needs no turn: a new buffer's content, and the constants of a
 //! recording that is being made. So uploads do not wait for what runs.
@@ -16,7 +20,7 @@
 use super::gpu::Shared;
 use crate::error::{Error, Result};
 use ash::vk;
-use std::sync::{PoisonError, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{PoisonError, RwLockReadGuard, RwLockWriteGuard, atomic::Ordering};
 
 impl Shared {
     /// The turn of the device, to be held while a submission may be in flight.
@@ -31,7 +35,21 @@ impl Shared {
     /// [`Error::Lost`].
     pub fn host_turn(&self) -> Result<RwLockWriteGuard<'_, ()>> {
         let turn = self.turn.write().unwrap_or_else(PoisonError::into_inner);
-        if self.is_lost() { Err(self.lost_before()) } else { Ok(turn) }
+        if self.is_lost() {
+            return Err(self.lost_before());
+        }
+        // Nothing is submitted meanwhile. What was started without waiting may still be running.
+        let started = self.submitted.load(Ordering::Relaxed);
+        if started > self.completed() {
+            let waited = self.wait_for(started);
+            match waited {
+                Err(e) if may_be_in_flight(waited) => {
+                    return Err(self.abandoned("what was started", e));
+                }
+                waited => waited.map_err(|e| self.failure("waiting for what was started", e))?,
+            }
+        }
+        Ok(turn)
     }
 
     /// The error of any use after the device was lost.
@@ -39,22 +57,71 @@ impl Shared {
         Error::Lost(format!("{} was lost before", self.info.name))
     }
 
-    /// Waits for `fence`, at most as long as a submission may take.
-    pub fn wait_for(&self, fence: vk::Fence) -> std::result::Result<(), vk::Result> {
+    /// Hands `commands` to the queue. Returns where the timeline of the device is when they have ended.
+    ///
+    /// # Safety
+    /// The commands are complete, and they are not running. All that they refer to lives until they have ended.
+    pub unsafe fn submit(
+        &self,
+        commands: vk::CommandBuffer,
+    ) -> std::result::Result<u64, vk::Result> {
+        let queue = self.lock_queue();
+        let ends_at = self.submitted.load(Ordering::Relaxed) + 1;
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
+        let signal = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.timeline)
+            .value(ends_at)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let submit = [vk::SubmitInfo2::default()
+            .command_buffer_infos(&commands)
+            .signal_semaphore_infos(&signal)];
+        // SAFETY: the caller's promise; values of the timeline grow, since the queue is locked.
+        unsafe { self.device.queue_submit2(*queue, &submit, vk::Fence::null()) }?;
+        self.submitted.store(ends_at, Ordering::Relaxed);
+        Ok(ends_at)
+    }
+
+    /// Where the timeline of the device is: all submissions up to this one have ended.
+    pub fn completed(&self) -> u64 {
+        // SAFETY: the device and its semaphore are alive.
+        unsafe { self.device.get_semaphore_counter_value(self.timeline) }.unwrap_or(0)
+    }
+
+    /// Waits until the timeline is at `value`, at most as long as a submission may take.
+    pub fn wait_for(&self, value: u64) -> std::result::Result<(), vk::Result> {
         #[cfg(test)]
         match self.next_wait.lock().unwrap_or_else(PoisonError::into_inner).take() {
             // A device that is lost works on nothing, so the test of a loss waits first.
-            Some(lost @ vk::Result::ERROR_DEVICE_LOST) => return self.wait(fence).and(Err(lost)),
+            Some(lost @ vk::Result::ERROR_DEVICE_LOST) => return self.wait(value).and(Err(lost)),
             Some(failure) => return Err(failure),
             None => {}
         }
-        self.wait(fence)
+        self.wait(value)
     }
 
-    fn wait(&self, fence: vk::Fence) -> std::result::Result<(), vk::Result> {
+    fn wait(&self, value: u64) -> std::result::Result<(), vk::Result> {
+        if self.completed() >= value {
+            return Ok(());
+        }
         let timeout = u64::try_from(self.timeout.as_nanos()).unwrap_or(u64::MAX);
-        // SAFETY: the fence is alive.
-        unsafe { self.device.wait_for_fences(&[fence], true, timeout) }
+        let (semaphores, values) = ([self.timeline], [value]);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the device and its semaphore are alive.
+        unsafe { self.device.wait_semaphores(&info, timeout) }
+    }
+
+    /// The error for a submission that may not have ended. Nothing else may run.
+    pub fn abandoned(&self, what: &str, e: vk::Result) -> Error {
+        self.lost.store(true, Ordering::Relaxed);
+        if e != vk::Result::TIMEOUT {
+            return self.failure(what, e);
+        }
+        Error::Lost(format!(
+            "{} did not finish {what} within {} seconds; use a smaller size or scene, or allow more time \
+             (--timeout, TILEWRIGHT_TIMEOUT, GpuOptions::timeout)",
+            self.info.name,
+            self.timeout.as_secs_f32()
+        ))
     }
 }
 

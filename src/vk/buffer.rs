@@ -280,6 +280,11 @@ impl<T: Pod> Buffer<T> {
         &self.raw.name
     }
 
+    /// Whether this is the only handle of its memory.
+    pub(crate) fn is_unique(&mut self) -> bool {
+        Arc::get_mut(&mut self.raw).is_some()
+    }
+
     pub(crate) fn raw(&self) -> &Arc<RawBuffer> {
         &self.raw
     }

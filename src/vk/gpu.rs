@@ -9,7 +9,8 @@ use super::{
     placeholder::Placeholders,
     requirements::Probe,
     sampler::SamplerKey,
-    table::{self, TableSizes},
+    table,
+    table_sizes::TableSizes,
 };
 use crate::error::{Error, Result};
 use ash::{ext, vk};
@@ -23,7 +24,7 @@ use std::{
     path::PathBuf,
     sync::{
         Arc, Mutex, MutexGuard, PoisonError, RwLock, Weak,
-        atomic::{AtomicBool, AtomicU32, Ordering},
+        atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering},
     },
     time::Duration,
 };
@@ -104,6 +105,10 @@ pub(crate) struct Shared {
     pub(super) placeholders: Mutex<Weak<Placeholders>>,
     /// Set once the device was lost or did not answer: nothing is waited for any more.
     pub lost: AtomicBool,
+    /// Counts submissions as they end.
+    pub(super) timeline: vk::Semaphore,
+    /// Submissions so far; changes while the queue is locked.
+    pub(super) submitted: AtomicU64,
     /// Whose turn it is, see `access.rs`.
     pub(super) turn: RwLock<()>,
     /// The error that the next wait fails with, for tests.
@@ -197,6 +202,8 @@ impl Gpu {
             samplers: Mutex::default(),
             placeholders: Mutex::default(),
             lost: AtomicBool::new(false),
+            timeline: vk::Semaphore::null(),
+            submitted: AtomicU64::new(0),
             turn: RwLock::new(()),
             #[cfg(test)]
             next_wait: Mutex::default(),
@@ -211,6 +218,7 @@ impl Gpu {
         let allocator =
             allocator.map_err(|e| Error::Device(format!("{}: {e}", shared.info.name)))?;
         shared.allocator = Mutex::new(Some(allocator));
+        shared.timeline = shared.new_timeline()?;
         shared.table_layout = table::layout(&shared)?;
         shared.pipeline_cache = cache::open(&shared, shared.cache_file.as_deref())?;
         log::info!("device: {}", shared.info);
@@ -300,6 +308,15 @@ impl Shared {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn new_timeline(&self) -> Result<vk::Semaphore> {
+        let mut kind =
+            vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device is alive; `Shared` owns the semaphore.
+        let timeline = unsafe { self.device.create_semaphore(&info, None) };
+        timeline.map_err(|e| self.failure("creating a timeline semaphore", e))
+    }
+
     fn memory_limit_name(&self) -> String {
         format!("device memory of {}", self.info.name)
     }
@@ -380,6 +397,7 @@ impl Drop for Shared {
             for (_, sampler) in samplers.drain() {
                 self.device.destroy_sampler(sampler, None);
             }
+            self.device.destroy_semaphore(self.timeline, None);
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             self.device.destroy_descriptor_set_layout(self.table_layout, None);
             drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());

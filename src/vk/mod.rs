@@ -40,9 +40,11 @@
 
 mod access;
 mod address;
+mod arena;
 mod buffer;
 mod cache;
 mod capability;
+mod commands;
 mod copies;
 mod device;
 mod doctor;
@@ -63,8 +65,10 @@ mod requirements;
 mod resources;
 mod sampler;
 mod table;
+mod table_sizes;
 mod transfer;
 
+pub(crate) use arena::Arena;
 pub use buffer::{Buffer, Memory};
 pub(crate) use copies::Copies;
 pub use device::{DeviceInfo, DeviceKind, QueueInfo, Require, devices};
@@ -75,14 +79,15 @@ pub use image::{Image, ImageInfo, ImageUse};
 pub use kernel::{Kernel, KernelInfo};
 pub use limits::Limits;
 pub use recorder::{Dispatch, Recorder};
-pub use recording::{Recording, Timings};
+pub use recording::{Recording, Submission, Timings};
 pub use requirements::{Missing, OPTIONAL, Optional, REQUIREMENTS, Requirement};
 pub use resources::{Cached, Resources};
 pub use sampler::Sampler;
-pub use table::{ResourceTable, TableSizes};
+pub use table::ResourceTable;
+pub use table_sizes::TableSizes;
 
 pub(crate) use capability::missing_feature;
+pub(crate) use commands::{Commands, Unfinished};
 pub(crate) use image::vk_format;
 #[cfg(feature = "cli")]
 pub(crate) use inherited::stdout_was_closed;
-pub(crate) use recording::Commands;

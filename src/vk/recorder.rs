@@ -10,11 +10,12 @@
 use super::{
     address::BLOCK_BYTES,
     buffer::{Buffer, RawBuffer},
+    commands::Commands,
     gpu::Gpu,
     image::Image,
     kernel::Kernel,
     owner::{Owned, same_device},
-    recording::{Commands, Recording, Timings},
+    recording::{Recording, Timings},
     reflect::BindingKind,
     table::{RawTable, ResourceTable, check_binding},
 };
@@ -37,13 +38,21 @@ pub struct Dispatch<'r> {
     recorder: &'r mut Recorder,
     kernel: Kernel,
     label: Option<String>,
-    bound: Vec<Bound>,
+    lists: Lists,
     table: Option<Arc<RawTable>>,
-    push: Vec<u8>,
     /// The first fault; reported by `dispatch`, so that the chain of calls stays a sentence.
     fault: Option<Error>,
 }
 
+/// What a dispatch binds. The lists keep their memory when they are emptied.
+#[derive(Default)]
+pub(super) struct Lists {
+    bound: Vec<Bound>,
+    push: Vec<u8>,
+    addresses: Vec<u64>,
+}
+
+/// A buffer that is bound.
 struct Bound {
     binding: u32,
     kind: BindingKind,
@@ -51,6 +60,9 @@ struct Bound {
     offset: u64,
     bytes: u64,
 }
+
+/// Descriptors that are written by one call.
+const WRITES: usize = 16;
 
 /// How many workgroups.
 enum Size {
@@ -64,7 +76,18 @@ impl Recorder {
     /// # Errors
     /// [`Error::Full`] without memory for commands, as for everything that records.
     pub fn new(gpu: &Gpu, label: &str) -> Result<Self> {
-        Ok(Self { gpu: gpu.clone(), commands: Commands::new(gpu, label)?, group: None })
+        let (gpu, commands) = (gpu.clone(), Commands::new(gpu, label)?);
+        Ok(Self { gpu, commands, group: None })
+    }
+
+    /// An empty recording with the memory of `before`, whose commands are forgotten. Waits for the end of its run.
+    ///
+    /// # Errors
+    /// As [`Recorder::new`] and [`Recording::wait`].
+    pub(crate) fn instead_of(before: Recording, label: &str) -> Result<Self> {
+        let (gpu, mut commands) = before.into_parts()?;
+        commands.restart(label)?;
+        Ok(Self { gpu, commands, group: None })
     }
 
     /// Times every dispatch that follows by timestamps. They cost a barrier each, so that they are
@@ -75,15 +98,11 @@ impl Recorder {
 
     /// Starts a dispatch of `kernel`.
     pub fn kernel(&mut self, kernel: &Kernel) -> Dispatch<'_> {
-        Dispatch {
-            fault: same_device(self, kernel).err(),
-            recorder: self,
-            kernel: kernel.clone(),
-            label: None,
-            bound: Vec::new(),
-            table: None,
-            push: Vec::new(),
-        }
+        let fault = same_device(self, kernel).err();
+        let mut lists = std::mem::take(&mut self.commands.lists);
+        lists.bound.clear();
+        lists.push.clear();
+        Dispatch { recorder: self, kernel: kernel.clone(), label: None, lists, table: None, fault }
     }
 
     /// Records `independent` with a single barrier before all of it: the caller promises that none
@@ -162,7 +181,7 @@ impl Dispatch<'_> {
                 size_of::<T>()
             ));
         }
-        if self.bound.iter().any(|b| b.binding == block.binding) {
+        if self.lists.bound.iter().any(|b| b.binding == block.binding) {
             return fault(format!("has `{name}` bound twice"));
         }
         let (offset, bytes) = check_binding(&self.recorder.gpu, buffer)?;
@@ -174,7 +193,7 @@ impl Dispatch<'_> {
                 buffer.name()
             ));
         }
-        self.bound.push(Bound {
+        self.lists.bound.push(Bound {
             binding: block.binding,
             kind: block.kind,
             buffer: buffer.raw().clone(),
@@ -190,7 +209,8 @@ impl Dispatch<'_> {
 
     /// Binds the resource table.
     pub fn table(mut self, table: &ResourceTable) -> Self {
-        if let Err(fault) = self.check_device(table) {
+        let commands = self.recorder.commands.unfinished();
+        if let Err(fault) = self.check_device(table).and_then(|()| table.check_open(&commands)) {
             self.fault.get_or_insert(fault);
         }
         self.table = Some(table.raw().clone());
@@ -199,7 +219,8 @@ impl Dispatch<'_> {
 
     /// Sets all push constants.
     pub fn push<P: Pod>(mut self, constants: &P) -> Self {
-        self.push = bytemuck::bytes_of(constants).to_vec();
+        self.lists.push.clear();
+        self.lists.push.extend_from_slice(bytemuck::bytes_of(constants));
         self
     }
 
@@ -249,18 +270,19 @@ impl Dispatch<'_> {
                 )));
             }
             if groups.contains(&0) {
+                self.recorder.commands.lists = self.lists;
                 return Ok(());
             }
         }
         let set = self.descriptor_set()?;
-        let Self { recorder, kernel, label, bound, table, push, .. } = self;
+        let Self { recorder, kernel, label, mut lists, table, .. } = self;
         let raw = &kernel.0;
-        let label = label.unwrap_or_else(|| raw.name.clone());
         recorder.barrier();
-        recorder.commands.begin_stage(&label)?;
-        let mut sets = vec![set];
+        recorder.commands.begin_stage(label.as_ref().unwrap_or(&raw.name))?;
+        let table_set = table.as_ref().filter(|_| raw.reflection.uses_table);
+        let all = [set, table_set.map_or(vk::DescriptorSet::null(), |table| table.set)];
+        let sets = &all[..1 + usize::from(table_set.is_some())];
         if let Some(table) = table {
-            sets.extend(raw.reflection.uses_table.then_some(table.set));
             recorder.commands.keep(table);
         }
         let (device, cmd) = (&recorder.gpu.0.device, recorder.commands.raw);
@@ -269,10 +291,10 @@ impl Dispatch<'_> {
         // kernel's reflection. All of them are kept until the fence.
         unsafe {
             device.cmd_bind_pipeline(cmd, point, raw.pipeline);
-            device.cmd_bind_descriptor_sets(cmd, point, raw.layout, 0, &sets, &[]);
-            if !push.is_empty() {
+            device.cmd_bind_descriptor_sets(cmd, point, raw.layout, 0, sets, &[]);
+            if !lists.push.is_empty() {
                 let stages = vk::ShaderStageFlags::COMPUTE;
-                device.cmd_push_constants(cmd, raw.layout, stages, 0, &push);
+                device.cmd_push_constants(cmd, raw.layout, stages, 0, &lists.push);
             }
             match &size {
                 Size::Direct([x, y, z]) => device.cmd_dispatch(cmd, *x, *y, *z),
@@ -283,10 +305,11 @@ impl Dispatch<'_> {
         if let Size::Indirect(buffer, _) = size {
             recorder.commands.keep(buffer);
         }
-        for b in bound {
+        for b in lists.bound.drain(..) {
             recorder.commands.keep(b.buffer);
         }
         recorder.commands.keep(kernel.0);
+        recorder.commands.lists = lists;
         Ok(())
     }
 
@@ -295,18 +318,18 @@ impl Dispatch<'_> {
         let r = &self.kernel.0.reflection;
         let fault =
             |text: String| Err(Error::Usage(format!("kernel `{}` {text}", self.kernel.name())));
-        let is_bound = |binding| self.bound.iter().any(|b| b.binding == binding);
+        let is_bound = |binding| self.lists.bound.iter().any(|b| b.binding == binding);
         if let Some(open) = r.bindings.iter().find(|b| !is_bound(b.binding)) {
             return fault(format!("has nothing bound to `{}`", open.name));
         }
         if (r.uses_table || r.table_address) && self.table.is_none() {
             return fault("has no resource table bound".into());
         }
-        if self.push.len() != r.push_constant_bytes as usize {
+        if self.lists.push.len() != r.push_constant_bytes as usize {
             return fault(format!(
                 "has {} bytes of push constants, not {}",
                 r.push_constant_bytes,
-                self.push.len()
+                self.lists.push.len()
             ));
         }
         Ok(())
@@ -315,37 +338,51 @@ impl Dispatch<'_> {
     fn descriptor_set(&mut self) -> Result<vk::DescriptorSet> {
         let layout = self.kernel.0.set_layout;
         let addresses = self.addresses()?;
-        let info = |buffer: &RawBuffer, offset, bytes| {
-            [vk::DescriptorBufferInfo { buffer: buffer.handle, offset, range: bytes }]
+        let info = |buffer: &RawBuffer, offset, bytes| vk::DescriptorBufferInfo {
+            buffer: buffer.handle,
+            offset,
+            range: bytes,
         };
-        let found = self.kernel.0.reflection.descriptors().filter_map(|(binding, kind)| {
-            let bound = self.bound.iter().find(|b| b.binding == binding);
-            let of_bound = bound.map(|b| info(&b.buffer, b.offset, b.bytes));
-            let of_addresses = || addresses.as_ref().map(|a| info(a.raw(), a.offset(), a.bytes()));
-            Some((binding, kind, of_bound.or_else(of_addresses)?))
-        });
-        let found: Vec<_> = found.collect();
-        let set = self.recorder.commands.descriptor_set(layout, found.len() as u32)?;
-        let writes: Vec<_> = found
-            .iter()
-            .map(|(binding, kind, info)| {
+        let (kernel, recorder) = (&self.kernel.0, &mut *self.recorder);
+        let count = kernel.reflection.descriptors().count() as u32;
+        let set = recorder.commands.descriptor_set(layout, count)?;
+        let mut descriptors = kernel.reflection.descriptors();
+        loop {
+            let mut infos = [[vk::DescriptorBufferInfo::default()]; WRITES];
+            let mut places = [(0, vk::DescriptorType::STORAGE_BUFFER); WRITES];
+            let mut written = 0;
+            for (binding, kind) in descriptors.by_ref().take(WRITES) {
+                let bound = self.lists.bound.iter().find(|b| b.binding == binding);
+                let of_bound = bound.map(|b| info(&b.buffer, b.offset, b.bytes));
+                let of_addresses =
+                    || addresses.as_ref().map(|a| info(a.raw(), a.offset(), a.bytes()));
+                if let Some(found) = of_bound.or_else(of_addresses) {
+                    (infos[written], places[written]) = ([found], (binding, kind));
+                    written += 1;
+                }
+            }
+            if written == 0 {
+                return Ok(set);
+            }
+            let writes: [_; WRITES] = std::array::from_fn(|n| {
                 vk::WriteDescriptorSet::default()
                     .dst_set(set)
-                    .dst_binding(*binding)
-                    .descriptor_type(*kind)
-                    .buffer_info(info)
-            })
-            .collect();
-        // SAFETY: the set is new, so that no submission uses it; the buffers are kept by `record`.
-        unsafe { self.recorder.gpu.0.device.update_descriptor_sets(&writes, &[]) };
-        Ok(set)
+                    .dst_binding(places[n].0)
+                    .descriptor_type(places[n].1)
+                    .buffer_info(&infos[n])
+            });
+            // SAFETY: the set is new, so that no submission uses it; the buffers are kept by `record`.
+            unsafe { recorder.gpu.0.device.update_descriptor_sets(&writes[..written], &[]) };
+        }
     }
 
     /// The block of addresses that the kernel reads.
     fn addresses(&mut self) -> Result<Option<Buffer<u64>>> {
         let Some((_, count)) = self.kernel.0.reflection.addresses else { return Ok(None) };
-        let mut list = vec![0; count as usize];
-        for b in &self.bound {
+        let list = &mut self.lists.addresses;
+        list.clear();
+        list.resize(count as usize, 0);
+        for b in &self.lists.bound {
             if let BindingKind::Address(n) = b.kind {
                 list[n as usize] = b.buffer.address + b.offset;
             }
@@ -354,6 +391,6 @@ impl Dispatch<'_> {
             let table = self.table.as_ref().and_then(|table| table.addresses.as_ref());
             list[count as usize - 1] = table.map_or(0, |t| t.raw().address + t.offset());
         }
-        self.recorder.commands.constants(&list).map(Some)
+        self.recorder.commands.constants(list).map(Some)
     }
 }

@@ -11,12 +11,12 @@
 
 use super::{
     buffer::{Buffer, Memory, RawBuffer},
+    commands::Unfinished,
     error::capacity,
     gpu::{Gpu, Shared},
     image::{Image, ImageUse},
     owner::same_device,
     placeholder::Placeholders,
-    requirements::Probe,
     sampler::Sampler,
 };
 use crate::error::{Error, Result};
@@ -28,32 +28,6 @@ use std::{
     sync::{Arc, Mutex, PoisonError, RwLockWriteGuard},
 };
 
-/// Slots of each kind. If a device offers fewer of a kind, their number is cut down when it is opened.
-///
-/// CPU drivers spend memory and time on every slot, used or not: lavapipe a seventh of a microsecond.
-/// The default is enough for ten thousand draws with blocks of their own; a pass that binds more has
-/// several tables. (Tried: a variable descriptor count that grows with the pass. Lavapipe allocates for
-/// the most that the layout allows, whatever the count.)
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TableSizes {
-    /// Binding 0: images with their samplers.
-    pub sampled: u32,
-    /// Binding 1: images.
-    pub textures: u32,
-    /// Binding 2: samplers.
-    pub samplers: u32,
-    /// Binding 3: storage images.
-    pub storage_images: u32,
-    /// Binding 4: storage, uniform and push-constant blocks.
-    pub buffers: u32,
-}
-
-impl Default for TableSizes {
-    fn default() -> Self {
-        Self { sampled: 2048, textures: 512, samplers: 128, storage_images: 32, buffers: 32768 }
-    }
-}
-
 /// The kinds of descriptor, in the order of their bindings.
 const KINDS: [(vk::DescriptorType, &str); 5] = [
     (vk::DescriptorType::COMBINED_IMAGE_SAMPLER, "sampled images"),
@@ -63,50 +37,8 @@ const KINDS: [(vk::DescriptorType, &str); 5] = [
     (vk::DescriptorType::STORAGE_BUFFER, "buffers"),
 ];
 
-/// Storage buffers that a kernel's own set may have beside the table.
-const KERNEL_BUFFERS: u32 = 32;
-
 /// Descriptors written by one call when the table is filled.
-const FILL_CHUNK: u32 = 1024;
-
-impl TableSizes {
-    /// Slots by binding.
-    pub fn by_binding(self) -> [u32; 5] {
-        [self.sampled, self.textures, self.samplers, self.storage_images, self.buffers]
-    }
-
-    /// The sizes that the device has room for.
-    pub(super) fn capped(self, probe: &Probe) -> Self {
-        let l = &probe.vulkan12;
-        let of = |stage: u32, set: u32| stage.min(set);
-        let samplers = of(
-            l.max_per_stage_descriptor_update_after_bind_samplers,
-            l.max_descriptor_set_update_after_bind_samplers,
-        );
-        let images = of(
-            l.max_per_stage_descriptor_update_after_bind_sampled_images,
-            l.max_descriptor_set_update_after_bind_sampled_images,
-        );
-        let storage_images = of(
-            l.max_per_stage_descriptor_update_after_bind_storage_images,
-            l.max_descriptor_set_update_after_bind_storage_images,
-        );
-        let buffers = of(
-            l.max_per_stage_descriptor_update_after_bind_storage_buffers,
-            l.max_descriptor_set_update_after_bind_storage_buffers,
-        );
-        // A sampled image counts as a sampler and as an image. Half of what is left over all kinds
-        // is the fair share of the largest one.
-        let all = l.max_per_stage_update_after_bind_resources;
-        Self {
-            sampled: self.sampled.min(samplers / 2).min(images / 2).min(all / 8).max(1),
-            textures: self.textures.min(images / 2).min(all / 8).max(1),
-            samplers: self.samplers.min(samplers / 2).min(all / 8).max(1),
-            storage_images: self.storage_images.min(storage_images).min(all / 8).max(1),
-            buffers: self.buffers.min(buffers.saturating_sub(KERNEL_BUFFERS)).min(all / 4).max(1),
-        }
-    }
-}
+const FILL_CHUNK: usize = 256;
 
 /// The layout of set 1, the same for all kernels of a device.
 pub(super) fn layout(gpu: &Shared) -> Result<vk::DescriptorSetLayout> {
@@ -141,6 +73,8 @@ pub struct ResourceTable {
     slots: HashMap<Key, u32>,
     /// Whether every resource takes a slot of its own, see [`ResourceTable::take_fresh_slots`].
     fresh: bool,
+    /// The commands that alone may have the table bound, as long as they are recorded.
+    open: Option<Unfinished>,
     used: [u32; KINDS.len()],
 }
 
@@ -204,6 +138,7 @@ impl ResourceTable {
             raw: Arc::new(raw),
             slots: HashMap::new(),
             fresh: false,
+            open: None,
             used: [0; KINDS.len()],
         };
         for (binding, count) in gpu.0.table_sizes.by_binding().into_iter().enumerate() {
@@ -225,6 +160,29 @@ impl ResourceTable {
         self.slots.clear();
         self.raw.keep.lock().unwrap_or_else(PoisonError::into_inner).clear();
         Ok(())
+    }
+
+    /// Opens the table for `commands`: until they are finished, nobody else may bind it, and it can be changed without
+    /// waiting for anybody.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a recording has it bound already.
+    pub(crate) fn open_for(&mut self, commands: &Unfinished) -> Result<()> {
+        if self.is_bound() {
+            return Err(Error::Usage("a recording has the resource table bound".into()));
+        }
+        self.open = Some(commands.clone());
+        Ok(())
+    }
+
+    /// Refuses to bind a table that is open for other commands.
+    pub(super) fn check_open(&self, commands: &Unfinished) -> Result<()> {
+        match &self.open {
+            Some(open) if open.is_now() && !open.is(commands) => {
+                Err(Error::Usage("the resource table belongs to a frame that is recorded".into()))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Whether a recording has the table bound.
@@ -360,7 +318,8 @@ impl ResourceTable {
 
     /// The turn of the host, where a recording may have the table.
     fn turn<'g>(&mut self, gpu: &'g Gpu) -> Result<Option<RwLockWriteGuard<'g, ()>>> {
-        let shared = Arc::get_mut(&mut self.raw).is_none();
+        let open = self.open.as_ref().is_some_and(Unfinished::is_now);
+        let shared = !open && Arc::get_mut(&mut self.raw).is_none();
         shared.then(|| gpu.0.host_turn()).transpose()
     }
 
@@ -407,19 +366,18 @@ impl ResourceTable {
         let buffer = buffer_info(raw, 0, raw.size);
         let mut at = first;
         while at < first + count {
-            let n = FILL_CHUNK.min(first + count - at) as usize;
+            let n = FILL_CHUNK.min((first + count - at) as usize);
             match binding {
-                4 => self.write(binding, at, &[], &vec![buffer; n]),
-                _ => self.write(binding, at, &vec![image; n], &[]),
+                4 => self.write(binding, at, &[], &[buffer; FILL_CHUNK][..n]),
+                _ => self.write(binding, at, &[image; FILL_CHUNK][..n], &[]),
+            }
+            if let Some(addresses) = self.raw.addresses.as_ref().filter(|_| binding == 4) {
+                // SAFETY: only the table has this buffer, and recordings that have the table do not run.
+                unsafe {
+                    addresses.write_out_of_turn(at as usize, &[raw.address; FILL_CHUNK][..n])?;
+                }
             }
             at += n as u32;
-        }
-        if let Some(addresses) = self.raw.addresses.as_ref().filter(|_| binding == 4) {
-            // SAFETY: only the table has this buffer, and recordings that have the table do not run.
-            unsafe {
-                let all = vec![raw.address; count as usize];
-                addresses.write_out_of_turn(first as usize, &all)?;
-            }
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Helpers for tests on devices: they open a device with the validation layer on and fail on its messages, and they
 //! compile a kernel from a few lines of GLSL.
 
+pub mod allocations;
 #[cfg(feature = "glsl-bundled")]
 #[path = "../../src/shader/bundled.rs"]
 mod compiler;

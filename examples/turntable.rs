@@ -1,0 +1,126 @@
+//! A textured cube that turns through a thousand frames. Each frame is recorded anew while the device draws the one
+//! before; what changes is the matrix, which is pushed.
+//!
+//! `cargo run --release --example turntable --features glsl` writes `turntable.png`, the last frame.
+
+use glam::camera::rh::{proj::vulkan::perspective, view::look_at_mat4};
+use glam::{Mat4, Vec3};
+use std::{error::Error, fs::File, sync::Arc};
+use tilewright::compute::Renderer;
+use tilewright::format::{Format, VertexFormat};
+use tilewright::image::{Extent, Image, png};
+use tilewright::pass::{
+    Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Indices, Pass,
+    Pipeline, StepRate, VertexAttribute, VertexBinding,
+};
+use tilewright::shader::{Shader, Stage};
+use tilewright::target::{ColorTarget, DepthTarget, LoadOp, StoreOp};
+use tilewright::texture::{Sampler, Texture};
+use tilewright::vk::{self, Gpu, GpuOptions, ImageInfo, ImageUse};
+
+const VERTEX: &str = "#version 450
+layout(push_constant) uniform Push { mat4 clip_of_model; };
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec2 coordinates;
+layout(location = 0) out vec2 uv;
+void main() {
+    gl_Position = clip_of_model * vec4(position, 1.0);
+    uv = coordinates;
+}";
+
+const FRAGMENT: &str = "#version 450
+layout(set = 0, binding = 0) uniform sampler2D tiles;
+layout(location = 0) in vec2 uv;
+layout(location = 0) out vec4 color;
+void main() { color = texture(tiles, uv); }";
+
+/// Draws `frames` frames of `extent` and returns the last one.
+pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Image> {
+    // The target lives on the device: frames draw to it, and nothing comes to the host in between.
+    let (format, usage) = (Format::Rgba8Srgb, ImageUse::Attachment);
+    let target =
+        vk::Image::new(gpu, &ImageInfo { name: "turntable", extent, format, levels: 1, usage })?;
+    let mut pass = Pass::new("turntable", extent);
+    pass.colors = vec![ColorTarget::on_device(&target, LoadOp::Clear([0.02, 0.02, 0.03, 1.0]))];
+    let mut depth = DepthTarget::cleared(1.0);
+    depth.store = StoreOp::Discard;
+    pass.depth = Some(depth);
+
+    let vertex = Shader::from_glsl(Stage::Vertex, "turntable.vert", VERTEX)?;
+    let fragment = Shader::from_glsl(Stage::Fragment, "turntable.frag", FRAGMENT)?;
+    let mut pipeline = Pipeline::new("cube", Arc::new(vertex), Arc::new(fragment));
+    pipeline.vertex_bindings = vec![VertexBinding { stride: 20, rate: StepRate::Vertex }];
+    let attribute =
+        |location, format, offset| VertexAttribute { location, binding: 0, format, offset };
+    pipeline.vertex_attributes =
+        vec![attribute(0, VertexFormat::F32X3, 0), attribute(1, VertexFormat::F32X2, 12)];
+    pass.pipelines = vec![Arc::new(pipeline)];
+
+    let (vertices, indices) = cube();
+    let buffer = |label: &str, bytes: &[u8]| {
+        BufferRange::whole(&Arc::new(Buffer::new(label, bytes.to_vec())))
+    };
+    let texture = Binding::Sampled(Arc::new(tiles()), Sampler::default());
+    let entries = vec![BindingEntry { binding: 0, resources: vec![texture] }];
+    let mut draw = Draw::new(0, indices.len() as u32);
+    draw.vertex_buffers = vec![buffer("corners", bytemuck::cast_slice(&vertices))];
+    let indices = buffer("indices", bytemuck::cast_slice(&indices));
+    draw.indices = Some(Indices::new(indices, IndexFormat::U16));
+    draw.sets = vec![Arc::new(BindingSet { entries })];
+    draw.push_constants = vec![0; 64];
+    pass.draws = vec![draw];
+
+    let aspect = extent.width as f32 / extent.height as f32;
+    let projection = perspective(0.7, aspect, 0.1, 10.0);
+    let view = look_at_mat4(Vec3::new(0.0, 1.3, 2.6), Vec3::ZERO, Vec3::Y);
+    let mut renderer = Renderer::new(gpu)?;
+    for n in 0..frames {
+        let model = Mat4::from_rotation_y(n as f32 * 0.0123);
+        let matrix = projection * view * model;
+        pass.draws[0].push_constants.copy_from_slice(bytemuck::bytes_of(&matrix.to_cols_array()));
+        let mut frame = renderer.begin()?;
+        frame.encode(&pass)?;
+        frame.submit()?;
+    }
+    target.download(0)
+}
+
+/// The corners of a cube of side 1, position and texture coordinates, four for each side; and the two triangles of
+/// each side.
+fn cube() -> (Vec<[f32; 5]>, Vec<u16>) {
+    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+    for (side, normal) in
+        [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y, Vec3::Z, -Vec3::Z].iter().enumerate()
+    {
+        let across = normal.any_orthonormal_vector();
+        let along = normal.cross(across);
+        for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            let at = (*normal + across * (2.0 * u - 1.0) + along * (2.0 * v - 1.0)) / 2.0;
+            vertices.push([at.x, at.y, at.z, u, v]);
+        }
+        indices.extend([0, 1, 2, 0, 2, 3].map(|corner| side as u16 * 4 + corner));
+    }
+    (vertices, indices)
+}
+
+/// Eight by eight tiles of two colours, with all mip levels: two texels a tile make a level of its mean colour.
+fn tiles() -> Texture {
+    let texel = |side: u32, i: u32| {
+        let tile = |at: u32| at * 8 / side;
+        match side {
+            8.. if (tile(i % side) + tile(i / side)).is_multiple_of(2) => [236, 220, 190, 255],
+            8.. => [60, 100, 130, 255],
+            _ => [180, 172, 164, 255],
+        }
+    };
+    let level = |side: u32| (0..side * side).flat_map(|i| texel(side, i)).collect::<Vec<u8>>();
+    let levels = (0..8).map(|n| level(128 >> n)).collect();
+    Texture::new("tiles", Extent::new(128, 128), Format::Rgba8Srgb, levels)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let gpu = Gpu::open(&GpuOptions::default())?;
+    let last = turn(&gpu, Extent::new(640, 480), 1000)?;
+    png::write_png(&last, &[], File::create("turntable.png")?)?;
+    Ok(())
+}

@@ -1,0 +1,194 @@
+//! Frames that are recorded anew each time, and run while the host records the next one.
+
+use super::{
+    Renderer,
+    frame::{Setup, Workspace},
+    slots::Tables,
+};
+use crate::{
+    error::{Error, Result},
+    pass::Pass,
+    target::StoreOp,
+    vk::{Arena, Buffer, Dispatch, Gpu, Image, Kernel, Recorder, Recording, Submission},
+};
+use bytemuck::Pod;
+
+/// Frames in flight, unless [`Renderer::set_frames_in_flight`] says otherwise: the device runs one while the host records
+/// the other.
+pub(super) const FRAMES_IN_FLIGHT: usize = 2;
+
+/// The memory of one frame, used again when the frame has ended.
+pub(super) struct Slot {
+    /// The last frame; `None` before the first.
+    recording: Option<Recording>,
+    arena: Arena,
+    tables: Tables,
+}
+
+impl Slot {
+    fn new(gpu: &Gpu) -> Self {
+        Self { recording: None, arena: Arena::new(gpu), tables: Tables::default() }
+    }
+
+    /// Waits for its frame, and takes back all that the frame used.
+    fn restart(&mut self, gpu: &Gpu) -> Result<Recorder> {
+        let recorder = match self.recording.take() {
+            Some(before) => Recorder::instead_of(before, "frame")?,
+            None => Recorder::new(gpu, "frame")?,
+        };
+        // The tables hold slices of the arena.
+        self.tables.begin_frame(recorder.commands.unfinished())?;
+        self.arena.reset()?;
+        Ok(recorder)
+    }
+}
+
+/// A frame that is being recorded: passes, and kernels and copies between them, in the order in which they run.
+///
+/// Each command finds what the commands before it wrote, those of earlier frames included. The frame runs after
+/// [`Encoder::submit`]. If the encoder is dropped instead, nothing runs.
+///
+/// [`Renderer::begin`] waits for an earlier frame if too many are in flight. A buffer or texture of the host that a pass
+/// binds for the first time is uploaded at once, and a device with memory of its own is waited for. Nothing else waits.
+pub struct Encoder<'r> {
+    renderer: &'r mut Renderer,
+    /// `None` once it was given back.
+    parts: Option<(Slot, Recorder)>,
+    /// Whether a pass was recorded in part.
+    broken: bool,
+}
+
+impl<'r> Encoder<'r> {
+    pub(super) fn new(renderer: &'r mut Renderer) -> Result<Self> {
+        renderer.next_frame()?;
+        let free = renderer.frames.iter().position(|slot| {
+            slot.recording.as_ref().is_none_or(|recording| !recording.is_running())
+        });
+        let mut slot = match free {
+            Some(free) => renderer.frames.remove(free),
+            None if renderer.frames.len() < renderer.frames_in_flight => Slot::new(&renderer.gpu),
+            // The oldest: they are in the order of their submissions.
+            None => renderer.frames.remove(0),
+        };
+        let recorder = slot.restart(&renderer.gpu)?;
+        Ok(Self { renderer, parts: Some((slot, recorder)), broken: false })
+    }
+
+    /// Records `pass`. What its shaders write to buffers of the device, all that follows finds.
+    ///
+    /// # Errors
+    /// As [`Renderer::prepare`], and [`Error::Usage`] if the pass stores a target that has no image. The frame goes on
+    /// without the pass.
+    pub fn encode(&mut self, pass: &Pass) -> Result<()> {
+        let colors = pass.colors.iter().map(|color| (&color.image, color.store));
+        let depth = pass.depth.iter().map(|depth| (&depth.image, depth.store));
+        if colors.chain(depth).any(|(image, store)| image.is_none() && store == StoreOp::Store) {
+            return Err(Error::Usage(format!(
+                "pass `{}`: a frame stores targets in images, and one of its targets has none: give it an image of \
+                 the device, or discard it",
+                pass.label
+            )));
+        }
+        let Some((Slot { arena, tables, .. }, recorder)) = &mut self.parts else { return Ok(()) };
+        let renderer = &mut *self.renderer;
+        let (plan, copies) = renderer.plan(pass, arena, tables)?;
+        let Renderer { gpu, kernels, scratch, plan_kernels, .. } = renderer;
+        let mut workspace = Workspace { scratch, arena, kernels: plan_kernels };
+        let setup = Setup::new(gpu, kernels, &mut workspace, (pass, &plan), copies)?;
+        // All bands take the rows of the first one, which is the largest, in turns.
+        self.broken = true;
+        for (number, band) in setup.bands().enumerate() {
+            let target = setup.target(workspace.scratch, &band)?;
+            let (planned, band) = ((&plan, &tables.tables[..]), (number, &band, &target));
+            setup.record(recorder, workspace.arena, kernels, planned, band)?;
+        }
+        (_, *plan_kernels) = setup.into_parts();
+        renderer.planner.recycle(plan);
+        self.broken = false;
+        Ok(())
+    }
+
+    /// Memory of this frame that holds `content`: uniform blocks, vertices, what kernels read.
+    ///
+    /// # Errors
+    /// [`Error::Capacity`] without memory for it.
+    pub fn upload<T: Pod>(&mut self, content: &[T]) -> Result<Buffer<T>> {
+        self.parts().0.arena.push(content)
+    }
+
+    /// Copies `content` to the start of `buffer`.
+    ///
+    /// # Errors
+    /// As [`Encoder::upload`] and [`Recorder::copy`].
+    pub fn update<T: Pod>(&mut self, buffer: &Buffer<T>, content: &[T]) -> Result<()> {
+        if content.is_empty() {
+            return Ok(());
+        }
+        let (slot, recorder) = self.parts();
+        let staged = slot.arena.push(content)?;
+        recorder.copy(&staged, buffer)
+    }
+
+    /// Replaces all levels of `image`, as [`Recorder::upload_image`] does.
+    ///
+    /// # Errors
+    /// As [`Recorder::upload_image`].
+    pub fn update_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
+        self.parts().1.upload_image(image, levels)
+    }
+
+    /// Starts a dispatch of `kernel`.
+    pub fn kernel(&mut self, kernel: &Kernel) -> Dispatch<'_> {
+        self.parts().1.kernel(kernel)
+    }
+
+    /// Copies all of `from` to the start of `to`.
+    ///
+    /// # Errors
+    /// As [`Recorder::copy`].
+    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>) -> Result<()> {
+        self.parts().1.copy(from, to)
+    }
+
+    /// Fills all of `buffer` with `word`.
+    ///
+    /// # Errors
+    /// As [`Recorder::fill`].
+    pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) -> Result<()> {
+        self.parts().1.fill(buffer, word)
+    }
+
+    /// Starts the frame, and does not wait for its end.
+    ///
+    /// # Errors
+    /// [`Error::Lost`] if the device was lost; [`Error::Usage`] if a pass was recorded in part, which the error of
+    /// [`Encoder::encode`] told.
+    pub fn submit(mut self) -> Result<Submission> {
+        if self.broken {
+            return Err(Error::Usage("a pass of the frame was recorded in part".into()));
+        }
+        let Some((mut slot, recorder)) = self.parts.take() else {
+            return Err(Error::Usage("the frame was submitted before".into()));
+        };
+        let started = recorder.finish().and_then(|mut recording| {
+            let started = recording.start();
+            slot.recording = Some(recording);
+            started
+        });
+        self.renderer.frames.push(slot);
+        started
+    }
+
+    fn parts(&mut self) -> &mut (Slot, Recorder) {
+        self.parts.as_mut().expect("they are there until the frame is submitted, which consumes it")
+    }
+}
+
+impl Drop for Encoder<'_> {
+    fn drop(&mut self) {
+        if let Some((slot, recorder)) = self.parts.take() {
+            drop(recorder);
+            self.renderer.frames.push(slot);
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! What follows from a pipeline alone: its kernels, and how it is drawn.
+
+use super::{KernelKey, Method};
+use crate::{
+    abi,
+    pass::{Pipeline, StepRate, VertexAttribute, VertexBinding},
+    shader::{Reflection, Shader, Varying},
+    state::Compare,
+};
+use std::sync::Arc;
+
+/// What the planner derives from a pipeline alone.
+#[derive(Clone)]
+pub(super) struct Facts {
+    pub vertex: Arc<KernelKey>,
+    pub fragment: Arc<KernelKey>,
+    pub varying_stride: u32,
+}
+
+impl Facts {
+    pub fn new(pipeline: &Pipeline) -> Self {
+        // Pipelines that differ in a constant of one stage share the kernel of the other.
+        let own = |ids: &[u32]| {
+            let all = pipeline.specialization.iter();
+            all.filter(|(id, _)| ids.contains(id)).copied().collect()
+        };
+        let key = |shader: &Arc<Shader>, attributes, read| {
+            Arc::new(KernelKey {
+                shader: shader.clone(),
+                specialization: own(&shader.reflection.specialization),
+                attributes,
+                read,
+            })
+        };
+        let inputs = &pipeline.fragment.reflection.inputs;
+        let locations = inputs.iter().map(|v| v.location + 1).max();
+        Self {
+            vertex: key(&pipeline.vertex, attributes(pipeline), read_outputs(pipeline)),
+            fragment: key(&pipeline.fragment, Vec::new(), 0),
+            varying_stride: 4 * locations.unwrap_or(0),
+        }
+    }
+}
+
+/// The attributes of a pipeline, ordered by location.
+fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
+    let format = |attribute: &VertexAttribute| {
+        let format = attribute.format;
+        let VertexBinding { stride, rate } = pipeline.vertex_bindings[attribute.binding as usize];
+        // One element for all vertices is also one for all vertices of an instance.
+        let per_instance = rate == StepRate::Instance || stride == 0;
+        let per_instance = u32::from(per_instance) * abi::ATTRIBUTE_PER_INSTANCE;
+        let count = u32::from(format.count) << abi::ATTRIBUTE_COUNT_SHIFT;
+        (attribute.location, format.component as u32 | count | per_instance)
+    };
+    let read = |a: &&VertexAttribute| {
+        pipeline.vertex.reflection.inputs.iter().any(|input| input.location == a.location)
+    };
+    let mut all: Vec<_> = pipeline.vertex_attributes.iter().filter(read).map(format).collect();
+    all.sort_unstable();
+    all
+}
+
+/// The locations that the vertex shader of a pipeline writes and its fragment shader reads, a bit each.
+fn read_outputs(pipeline: &Pipeline) -> u32 {
+    let locations = |varyings: &[Varying]| {
+        let of = |v: &Varying| 1u32.checked_shl(v.location).unwrap_or(0);
+        varyings.iter().fold(0, |all, varying| all | of(varying))
+    };
+    let [vertex, fragment] = [&pipeline.vertex, &pipeline.fragment].map(|s| &s.reflection);
+    locations(&vertex.outputs) & locations(&fragment.inputs)
+}
+
+/// How a pipeline is drawn.
+pub(super) fn method(pipeline: &Pipeline, has_depth: bool, kernel: usize) -> Method {
+    let fragment = &pipeline.fragment.reflection;
+    let keyed = matches!(
+        pipeline.depth.compare,
+        Compare::Less | Compare::LessOrEqual | Compare::Greater | Compare::GreaterOrEqual
+    );
+    let tested = has_depth && pipeline.depth.test && pipeline.depth.write && keyed;
+    if tested && is_pure(fragment) && pipeline.blend.is_none() {
+        return Method::Opaque(pipeline.depth.compare);
+    }
+    Method::Ordered { kernel, depth: depth_mode(fragment) }
+}
+
+/// Whether a fragment shader does nothing except return a colour.
+fn is_pure(fragment: &Reflection) -> bool {
+    !fragment.discards && !fragment.writes_depth && !fragment.has_side_effects
+}
+
+/// When ordered work tests depth: one of `abi::DEPTH_*`.
+pub(crate) fn depth_mode(fragment: &Reflection) -> u32 {
+    if fragment.early_fragment_tests || is_pure(fragment) {
+        abi::DEPTH_EARLY
+    } else if fragment.writes_depth || fragment.has_side_effects {
+        abi::DEPTH_LATE
+    } else {
+        abi::DEPTH_EARLY_TEST
+    }
+}

@@ -1,0 +1,46 @@
+//! Do the examples draw what they say?
+
+use crate::common::{gpu, on_each_gpu};
+use tilewright::{image::Extent, vk::Gpu};
+
+#[allow(dead_code)]
+#[path = "../examples/shadow.rs"]
+mod shadow;
+#[allow(dead_code)]
+#[path = "../examples/turntable.rs"]
+mod turntable;
+
+#[test]
+fn the_turntable_turns() {
+    on_each_gpu("the turntable turns", |gpu| {
+        let extent = Extent::new(160, 120);
+        let [one, some] = [1, 40].map(|frames| turntable::turn(gpu, extent, frames).unwrap());
+        let background = one.texel(2, 2).to_vec();
+        for picture in [&one, &some] {
+            let covered = picture.bytes.chunks(4).filter(|texel| *texel != background).count();
+            let share = covered as f64 / extent.pixels() as f64;
+            assert!((0.15..0.4).contains(&share), "the cube covers {share} of the picture");
+            let blue = picture.bytes.chunks(4).filter(|t| t[2] > t[0].saturating_add(40)).count();
+            let sand = picture.bytes.chunks(4).filter(|t| t[0] > 200).count();
+            assert!(blue > 500 && sand > 500, "{blue} blue and {sand} sandy pixels");
+        }
+        assert!(one != some);
+    });
+}
+
+/// The number of pixels of the floor in the light and in shadow.
+fn floor(gpu: &Gpu) -> (usize, usize) {
+    let picture = shadow::draw(gpu, Extent::new(320, 200)).unwrap();
+    let grey = |t: &&[u8]| t.iter().take(3).all(|c| c.abs_diff(t[1]) < 12);
+    let floor: Vec<_> = picture.bytes.chunks(4).filter(grey).collect();
+    let lit = floor.iter().filter(|texel| texel[1] > 170).count();
+    let shadowed = floor.iter().filter(|texel| (60..110).contains(&texel[1])).count();
+    (lit, shadowed)
+}
+
+#[test]
+fn boxes_throw_shadows() {
+    let (lit, shadowed) = floor(&gpu());
+    assert!(lit > 10_000, "{lit} pixels of the floor are lit");
+    assert!((1500..6000).contains(&shadowed), "{shadowed} pixels of the floor are in shadow");
+}
