@@ -35,6 +35,20 @@ struct Clear {
     uint pixels;
 };
 
+struct Commands {
+    uint piece;
+    uint slot;
+    uint byte;
+    uint stride;
+    uint draws;
+    uint count_slot;
+    uint count_byte;
+    uint elements;
+    uint first;
+    uint primitives;
+    uint of_group[2];
+};
+
 struct Piece {
     uint first_in_draw;
     uint primitives_per_instance;

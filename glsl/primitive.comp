@@ -39,7 +39,9 @@ uint piece_of_primitive(const uint primitive) {
 }
 
 uvec3 vertex_slots(const Piece piece, const uint in_piece) {
-    if (piece.vertex_mode == VERTEX_PER_CORNER) return piece.vertex_base + 3u * in_piece + uvec3(0u, 1u, 2u);
+    if (piece.vertex_mode != VERTEX_RANGED) {
+        return piece.vertex_base + (piece.vertex_mode == VERTEX_PER_QUAD ? 4u : 3u) * in_piece + uvec3(0u, 1u, 2u);
+    }
     uint q = piece.first_in_draw + in_piece;
     uint instance = divide(q, piece.primitives_per_instance);
     uvec3 element = assemble(piece.topology, q - instance * piece.primitives_per_instance);

@@ -148,10 +148,12 @@ void main() {
                 vertex = piece.vertex_min + local - instance * piece.vertices_per_instance;
                 instance += piece.instance_min;
             } else {
-                uint primitive = piece.first_in_draw + local / 3u;
+                bool in_quads = piece.vertex_mode == VERTEX_PER_QUAD;
+                uint corner = in_quads ? min(local & 3u, 2u) : local % 3u;
+                uint primitive = piece.first_in_draw + (in_quads ? local >> 2 : local / 3u);
                 instance = divide(primitive, piece.primitives_per_instance);
                 uvec3 element = assemble(piece.topology, primitive - instance * piece.primitives_per_instance);
-                vertex = fetch_index(piece, element[local % 3u]);
+                vertex = fetch_index(piece, element[corner]);
             }
             tw_VertexIndex = int(vertex) + piece.base_vertex;
             tw_InstanceIndex = int(piece.first_instance + instance);

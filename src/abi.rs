@@ -110,6 +110,9 @@ shared_constants! {
     pub const VERTEX_RANGED: u32 = 0;
     /// Vertex slots of a piece: one per corner of a primitive.
     pub const VERTEX_PER_CORNER: u32 = 1;
+    /// Vertex slots of a piece: a quad per primitive, one for each corner and one that repeats the last corner. So
+    /// the slots of any primitive are known without those before it.
+    pub const VERTEX_PER_QUAD: u32 = 2;
 
     /// [`Triangle::flags`]: it has area, faces the right way and may cover a pixel.
     pub const TRIANGLE_VALID: u32 = 1;
@@ -189,6 +192,34 @@ pub struct Clear {
     pub pixels: u32,
 }
 
+/// The push constants of the kernel that makes pieces of draw commands.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Commands {
+    /// The piece that has everything but the numbers of the commands.
+    pub piece: u32,
+    /// Resource-table slot of the commands.
+    pub slot: u32,
+    /// First byte of the first command.
+    pub byte: u32,
+    /// Bytes from one command to the next.
+    pub stride: u32,
+    /// Most commands.
+    pub draws: u32,
+    /// Resource-table slot of the number of commands, or [`NONE`] if it is the most.
+    pub count_slot: u32,
+    /// Its first byte.
+    pub count_byte: u32,
+    /// Elements of the index buffer, or [`NONE`] if the commands have no indices.
+    pub elements: u32,
+    /// Primitives of all commands that the batches before have.
+    pub first: u32,
+    /// Most primitives of the batch.
+    pub primitives: u32,
+    /// Vertex slots and primitives that one workgroup takes.
+    pub of_group: [u32; 2],
+}
+
 /// A run of consecutive primitives of one draw inside one batch.
 ///
 /// Kernels fetch it four words at a time. The fields that shading needs come first, then those that the
@@ -236,7 +267,7 @@ pub struct Piece {
     pub base_vertex: i32,
     /// `gl_InstanceIndex` of the draw's first instance.
     pub first_instance: u32,
-    /// [`VERTEX_RANGED`] or [`VERTEX_PER_CORNER`].
+    /// [`VERTEX_RANGED`], [`VERTEX_PER_CORNER`] or [`VERTEX_PER_QUAD`].
     pub vertex_mode: u32,
     /// Ranged: the smallest index, which has slot 0.
     pub vertex_min: u32,
@@ -248,7 +279,7 @@ pub struct Piece {
     pub attribute_base: u32,
     /// First table slot of the vertex shader's resources.
     pub vertex_resources: u32,
-    /// `gl_DrawID`: always 0, a pass has no multi-draws.
+    /// `gl_DrawID`: the number of the command of an indirect draw, 0 for others.
     pub draw_id: u32,
     /// A `FrontFace`.
     pub front_face: u32,

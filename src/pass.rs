@@ -14,10 +14,12 @@ use crate::{
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
 };
+use bytemuck::{Pod, Zeroable};
 use std::{ops::RangeInclusive, sync::Arc};
 
 mod buffer;
 mod indices;
+mod indirect;
 mod snapshot;
 mod validate;
 mod written;
@@ -190,6 +192,55 @@ impl Indices {
     }
 }
 
+/// Draw commands that lie in a buffer, and that only the device needs to know: `vkCmdDrawIndirectCount`.
+///
+/// The commands are [`IndirectCommand`]s, or [`IndexedIndirectCommand`]s if the draw has indices. Kernels and shaders may
+/// have written them, also earlier in the same frame.
+#[derive(Clone, Debug)]
+pub struct Indirect {
+    /// The commands, the first of them at the beginning of the range; the offset is a multiple of 4.
+    pub commands: BufferRange,
+    /// Bytes from one command to the next, a multiple of 4.
+    pub stride: u32,
+    /// Commands that are drawn, or the most of them if [`Indirect::count`] says how many: up to 2^20.
+    pub draws: u32,
+    /// A 32-bit number of commands, at a multiple of 4 bytes.
+    pub count: Option<BufferRange>,
+    /// The most primitives that all commands have together, up to 2^24. `compute` draws no more than these, and spends
+    /// time and memory on as many batches as these take.
+    pub primitives: u32,
+}
+
+/// `VkDrawIndirectCommand`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct IndirectCommand {
+    /// Vertices.
+    pub count: u32,
+    /// Instances.
+    pub instances: u32,
+    /// First vertex.
+    pub first: u32,
+    /// First instance.
+    pub first_instance: u32,
+}
+
+/// `VkDrawIndexedIndirectCommand`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct IndexedIndirectCommand {
+    /// Indices.
+    pub count: u32,
+    /// Instances.
+    pub instances: u32,
+    /// First index. `compute` draws nothing if not all indices are in the range that the draw binds.
+    pub first: u32,
+    /// Added to each index.
+    pub base_vertex: i32,
+    /// First instance.
+    pub first_instance: u32,
+}
+
 /// One draw: `vkCmdDraw` or `vkCmdDrawIndexed` with all it needs bound.
 #[derive(Clone, Debug)]
 pub struct Draw {
@@ -213,6 +264,8 @@ pub struct Draw {
     pub instances: u32,
     /// First instance.
     pub first_instance: u32,
+    /// `Some` draws commands of a buffer. The counts and firsts of this draw, and its base vertex, are ignored then.
+    pub indirect: Option<Indirect>,
     /// `None` is the whole target with depth 0..=1 ([`Draw::viewport_in`]).
     pub viewport: Option<Viewport>,
     /// `None` is the whole target ([`Draw::scissor_in`]).
@@ -233,6 +286,7 @@ impl Draw {
             base_vertex: 0,
             instances: 1,
             first_instance: 0,
+            indirect: None,
             viewport: None,
             scissor: None,
         }

@@ -30,6 +30,8 @@ const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
 
 /// `clear.comp`.
 pub const CLEAR: &[u32] = file!("clear.comp");
+/// `commands.comp`.
+pub const COMMANDS: &[u32] = file!("commands.comp");
 /// `vertex.comp`.
 pub const VERTEX: &[u32] = file!("vertex.comp");
 /// `primitive.comp`.
@@ -54,6 +56,7 @@ pub const KERNELS: &[&[u32]] = &[
     BINNING_SCATTER,
     BINNING_SORT,
     CLEAR,
+    COMMANDS,
     ORDERED,
     PRIMITIVE,
     RASTER,

@@ -22,6 +22,14 @@ impl Topology {
             Topology::TriangleStrip | Topology::TriangleFan => vertices.saturating_sub(2),
         }
     }
+
+    /// Vertices that `primitives` are assembled from, at least one of them.
+    pub(crate) const fn elements(self, primitives: u32) -> u32 {
+        match self {
+            Topology::TriangleList => 3 * primitives,
+            Topology::TriangleStrip | Topology::TriangleFan => primitives + 2,
+        }
+    }
 }
 
 shared_enum! {

@@ -27,6 +27,10 @@ const NOT_STAGES: &[(&str, &str)] = &[
 ];
 /// Stages without a reference, each with the reason.
 const WITHOUT_REFERENCE: &[(&str, &str)] = &[
+    (
+        "commands",
+        "makes what the planner makes: its pictures are compared with those of the same draws",
+    ),
     ("clear", "writes one value everywhere: its result is compared as the targets' first content"),
     ("vertex", "runs the user's shader: the reference takes the positions that it wrote"),
     ("shade", "runs the user's shader: its colours are compared with the classic pipeline's"),

@@ -47,6 +47,7 @@ const _: () = assert!(abi::SET_TABLE == 1, "SET_TABLE has changed: run `cargo sp
 const _: () = assert!(abi::TABLE_BUFFERS == 4, "TABLE_BUFFERS has changed: run `cargo spirv`");
 const _: () = assert!(abi::VERTEX_RANGED == 0, "VERTEX_RANGED has changed: run `cargo spirv`");
 const _: () = assert!(abi::VERTEX_PER_CORNER == 1, "VERTEX_PER_CORNER has changed: run `cargo spirv`");
+const _: () = assert!(abi::VERTEX_PER_QUAD == 2, "VERTEX_PER_QUAD has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_VALID == 1, "TRIANGLE_VALID has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_FRONT == 2, "TRIANGLE_FRONT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_CUT == 4, "TRIANGLE_CUT has changed: run `cargo spirv`");
@@ -130,6 +131,18 @@ const _: () = assert!(std::mem::size_of::<abi::Batch>() == 104, "Batch has anoth
 const _: () = assert!(std::mem::offset_of!(abi::Clear, color) == 0, "Clear.color differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Clear, pixels) == 16, "Clear.pixels differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::size_of::<abi::Clear>() == 20, "Clear has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, piece) == 0, "Commands.piece differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, slot) == 4, "Commands.slot differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, byte) == 8, "Commands.byte differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, stride) == 12, "Commands.stride differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, draws) == 16, "Commands.draws differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, count_slot) == 20, "Commands.count_slot differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, count_byte) == 24, "Commands.count_byte differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, elements) == 28, "Commands.elements differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, first) == 32, "Commands.first differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, primitives) == 36, "Commands.primitives differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Commands, of_group) == 40, "Commands.of_group differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::size_of::<abi::Commands>() == 48, "Commands has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, first_in_draw) == 0, "Piece.first_in_draw differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, primitives_per_instance) == 4, "Piece.primitives_per_instance differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, first_primitive) == 8, "Piece.first_primitive differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     image::{self, Extent},
-    pass::{Draw, Frame, IndexFormat, Pass},
+    pass::{Draw, Frame, IndexFormat, Indirect, Pass},
     state::{Rect, Viewport},
     vk::{Copies, Gpu, Recorder, Recording, Resources},
 };
@@ -143,7 +143,11 @@ fn record_draws(
     for draw in &pass.draws {
         // A draw without primitives draws nothing, but some drivers walk through all its vertices.
         let topology = pass.pipelines[draw.pipeline].topology;
-        if topology.primitives(draw.count) == 0 || draw.instances == 0 {
+        let nothing = match &draw.indirect {
+            Some(indirect) => indirect.draws == 0,
+            None => topology.primitives(draw.count) == 0 || draw.instances == 0,
+        };
+        if nothing {
             continue;
         }
         let compiled = &compiled[draw.pipeline];
@@ -226,25 +230,76 @@ fn record_draw(
         if !buffers.is_empty() {
             device.cmd_bind_vertex_buffers2(cmd, 0, &buffers, &offsets, Some(&sizes), None);
         }
-        match &indices {
-            Some((buffer, indices)) => {
-                let format = match indices.format {
-                    IndexFormat::U16 => vk::IndexType::UINT16,
-                    IndexFormat::U32 => vk::IndexType::UINT32,
-                };
-                let offset = buffer.offset() + indices.range.offset as u64;
-                device.cmd_bind_index_buffer(cmd, buffer.raw().handle, offset, format);
-                let (first, base) = (draw.first, draw.base_vertex);
-                let (n, at) = (draw.instances, draw.first_instance);
-                device.cmd_draw_indexed(cmd, draw.count, n, first, base, at);
+        if let Some((buffer, indices)) = &indices {
+            let format = match indices.format {
+                IndexFormat::U16 => vk::IndexType::UINT16,
+                IndexFormat::U32 => vk::IndexType::UINT32,
+            };
+            let offset = buffer.offset() + indices.range.offset as u64;
+            device.cmd_bind_index_buffer(cmd, buffer.raw().handle, offset, format);
+        }
+        let (first, n, at) = (draw.first, draw.instances, draw.first_instance);
+        match (&draw.indirect, &indices) {
+            (Some(indirect), _) => record_commands(gpu, resources, recorder, draw, indirect)?,
+            (None, Some(_)) => {
+                device.cmd_draw_indexed(cmd, draw.count, n, first, draw.base_vertex, at);
             }
-            None => {
-                let (n, at) = (draw.instances, draw.first_instance);
-                device.cmd_draw(cmd, draw.count, n, draw.first, at);
-            }
+            (None, None) => device.cmd_draw(cmd, draw.count, n, first, at),
         }
     }
     if let Some((buffer, _)) = indices {
+        recorder.commands.keep(buffer.raw().clone());
+    }
+    Ok(())
+}
+
+/// Records the commands of an indirect draw, whose state is bound.
+fn record_commands(
+    gpu: &Gpu,
+    resources: &mut Resources,
+    recorder: &mut Recorder,
+    draw: &Draw,
+    indirect: &Indirect,
+) -> Result<()> {
+    let limits = gpu.0.draw_limits;
+    if indirect.draws > limits.commands || (indirect.count.is_some() && !limits.counts_commands) {
+        return Err(Error::Device(format!(
+            "{} draws {} commands of a buffer at most{}, and {} are wanted; the compute executor has no such limit",
+            gpu.info().name,
+            limits.commands,
+            if limits.counts_commands { "" } else { ", and reads no number of them" },
+            indirect.draws
+        )));
+    }
+    let commands = resources.buffer(&indirect.commands.buffer)?;
+    let (from, at) = (commands.raw().handle, commands.offset() + indirect.commands.offset as u64);
+    let indexed = draw.indices.is_some();
+    let stride = indirect.stride.max(Indirect::command_bytes(indexed) as u32);
+    let (device, cmd, most) = (&gpu.0.device, recorder.commands.raw, indirect.draws);
+    let count = match &indirect.count {
+        Some(range) => Some((resources.buffer(&range.buffer)?, range.offset as u64)),
+        None => None,
+    };
+    // SAFETY: the pass was validated: all commands and their number are inside their buffers. All that is bound is
+    // kept by the recording.
+    unsafe {
+        match (&count, indexed) {
+            (Some((buffer, offset)), indexed) => {
+                let (count, offset) = (buffer.raw().handle, buffer.offset() + offset);
+                if indexed {
+                    device.cmd_draw_indexed_indirect_count(
+                        cmd, from, at, count, offset, most, stride,
+                    );
+                } else {
+                    device.cmd_draw_indirect_count(cmd, from, at, count, offset, most, stride);
+                }
+            }
+            (None, true) => device.cmd_draw_indexed_indirect(cmd, from, at, most, stride),
+            (None, false) => device.cmd_draw_indirect(cmd, from, at, most, stride),
+        }
+    }
+    recorder.commands.keep(commands.raw().clone());
+    if let Some((buffer, _)) = count {
         recorder.commands.keep(buffer.raw().clone());
     }
     Ok(())

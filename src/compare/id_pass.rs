@@ -67,6 +67,7 @@ impl IdPass {
 /// [`Error::Capacity`] if the pass has more primitives than there are ids; [`Error::Full`] if it has
 /// more instances than draws are made for.
 pub fn id_pass(pass: &Pass) -> Result<IdPass> {
+    let pass = &*pass.with_commands_read()?;
     let ranges = ranges(pass)?;
     let draws = ranges.iter().map(|range| id_draw(pass, range)).collect::<Result<_>>()?;
     let mut shaders = HashMap::new();

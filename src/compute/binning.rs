@@ -6,7 +6,6 @@
 
 use super::{frame::Stage, kernels::Kernels};
 use crate::{
-    abi,
     error::Result,
     grid,
     vk::{Kernel, Recorder},
@@ -22,15 +21,15 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernels: &Kernels) -> Resu
         .bind("BinArgs", &b.bin_args)
         .push(&stage.push)
         .dispatch([1, 1, 1])?;
-    recorder
+    let dispatch = recorder
         .kernel(&kernels.scatter)
         .bind("Triangles", &b.triangles)
         .bind("CellEnds", &b.cell_ends)
         .bind("Entries", &b.entries)
         .bind("PrimitiveCells", &b.primitive_cells)
         .table(stage.table)
-        .push(&stage.push)
-        .dispatch(grid::groups(stage.push.primitives, abi::GROUP * abi::PRIMITIVE_ROUNDS))
+        .push(&stage.push);
+    stage.over_primitives(dispatch)
 }
 
 pub fn record_sort(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result<()> {

@@ -2,7 +2,7 @@
 
 use super::{
     attach::Attachments,
-    binning,
+    binning, commands,
     kernels::{Kernels, PlanKernels},
     ordered, primitive, raster,
     scratch::Scratch,
@@ -13,11 +13,11 @@ use super::{
 use crate::{
     abi::{self, Attribute, Batch, Piece, Triangle},
     error::Result,
-    grid::{Capacities, Grid},
+    grid::{self, Capacities, Grid},
     image::Extent,
     pass::Pass,
     plan::{BatchPlan, Plan},
-    vk::{Arena, Buffer, Copies, Gpu, Recorder, ResourceTable},
+    vk::{Arena, Buffer, Copies, Dispatch, Gpu, Recorder, ResourceTable},
 };
 use std::ops::Range;
 
@@ -54,6 +54,16 @@ pub struct Buffers {
     pub shade_args: Buffer<[u32; 3]>,
     pub shade_args_start: Buffer<[u32; 3]>,
     pub shade_bins: Buffer<[u32; 2]>,
+    /// If the device makes pieces.
+    pub commands: Option<CommandBuffers>,
+}
+
+/// What the device makes of draw commands: written by commands, read by vertex, primitive and shading.
+pub struct CommandBuffers {
+    pub pieces: Buffer<Piece>,
+    pub runs: Buffer<u32>,
+    /// The arguments of the dispatches over vertex slots and over primitives.
+    pub args: Buffer<u32>,
 }
 
 /// Everything that is known before recording.
@@ -82,11 +92,33 @@ pub struct Stage<'a> {
     pub buffers: &'a Buffers,
     pub target: &'a Target,
     pub pieces: &'a Buffer<Piece>,
+    pub runs: &'a Buffer<u32>,
+    /// The arguments of dispatches whose sizes only the device knows.
+    pub args: Option<&'a Buffer<u32>>,
     pub table: &'a ResourceTable,
     /// The width of the device's subgroups.
     pub width: u32,
     /// The push constants of the batch, less what single dispatches add.
     pub push: Batch,
+}
+
+impl Stage<'_> {
+    /// Ends `dispatch`, which is one over the vertex slots of the batch.
+    pub fn over_vertices(&self, dispatch: Dispatch<'_>, groups: [u32; 3]) -> Result<()> {
+        match self.args {
+            Some(args) => dispatch.dispatch_indirect(args, 0),
+            None => dispatch.dispatch(groups),
+        }
+    }
+
+    /// Ends `dispatch`, which is one over the primitives of the batch.
+    pub fn over_primitives(&self, dispatch: Dispatch<'_>) -> Result<()> {
+        let lanes = abi::GROUP * abi::PRIMITIVE_ROUNDS;
+        match self.args {
+            Some(args) => dispatch.dispatch_indirect(args, 12),
+            None => dispatch.dispatch(grid::groups(self.push.primitives, lanes)),
+        }
+    }
 }
 
 impl Setup {
@@ -125,6 +157,14 @@ impl Setup {
             visibility: scratch.get(gpu, "visibility", band.padded_pixels() / 4)?,
             shade_args: scratch.get(gpu, "shade arguments", fragment_kernels)?,
             shade_bins: scratch.get(gpu, "shade bins", fragment_kernels * band.bins() as usize)?,
+            commands: match plan.most_commands() {
+                Some(most) => Some(CommandBuffers {
+                    pieces: scratch.get(gpu, "pieces of commands", most as usize + 1)?,
+                    runs: scratch.get(gpu, "runs of commands", most as usize + 1)?,
+                    args: scratch.get(gpu, "arguments of commands", 6)?,
+                }),
+                None => None,
+            },
         };
         let mut kernels_of_plan = std::mem::take(*found);
         kernels.of_plan(plan, attachments.color_format()?, &mut kernels_of_plan)?;
@@ -204,10 +244,12 @@ impl Setup {
         (number, batch): (usize, &BatchPlan),
         (vertices, traced): (bool, bool),
     ) -> Result<()> {
-        let stage = Stage {
+        let mut stage = Stage {
             buffers: &self.buffers,
             target,
             pieces,
+            runs: &self.buffers.runs,
+            args: None,
             table,
             width: self.gpu.limits().subgroup_size,
             push: Batch {
@@ -216,6 +258,11 @@ impl Setup {
                 ..self.push(band, batch)
             },
         };
+        if let (Some(wanted), Some(made)) = (&batch.commands, &self.buffers.commands) {
+            commands::record(recorder, &stage, &kernels.commands, (wanted, made))?;
+            (stage.pieces, stage.runs, stage.args) = (&made.pieces, &made.runs, Some(&made.args));
+            (stage.push.piece_first, stage.push.piece_count) = (0, wanted.draws + 1);
+        }
         if vertices {
             vertex::record(recorder, &stage, &self.kernels.vertex, batch)?;
         }

@@ -37,6 +37,7 @@ pub struct Kernels {
     /// The subgroup width that kernels are made for.
     width: u32,
     pub clear: Kernel,
+    pub commands: Kernel,
     pub primitive: Kernel,
     pub scan: Kernel,
     pub scatter: Kernel,
@@ -93,6 +94,7 @@ impl Kernels {
         let wide = |name, spirv| wide(width, name, spirv, &constants);
         let infos = [
             plain("clear", prebuilt::CLEAR),
+            wide("commands", prebuilt::COMMANDS),
             plain("primitive", prebuilt::PRIMITIVE),
             wide("binning_scan", prebuilt::BINNING_SCAN),
             plain("binning_scatter", prebuilt::BINNING_SCATTER),
@@ -100,12 +102,13 @@ impl Kernels {
         ];
         let made = in_parallel(&infos, |info| Kernel::trusted(gpu, info));
         let made = made.into_iter().collect::<Result<Vec<_>>>()?;
-        let [clear, primitive, scan, scatter, sort] =
+        let [clear, commands, primitive, scan, scatter, sort] =
             made.try_into().expect("as many kernels as infos");
         Ok(Self {
             gpu: gpu.clone(),
             width,
             clear,
+            commands,
             primitive,
             scan,
             scatter,

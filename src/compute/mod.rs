@@ -5,6 +5,7 @@
 //!
 //! ```text
 //! clear      the targets' clear values, once per band; loads are copies (`attach`)
+//! commands   pieces of draw commands that only the device knows, where there are any
 //! vertex     the user's vertex shader, once per vertex slot
 //! primitive  assembly, clipping, culling, fixed-point setup; counts what each cell will list
 //! binning    scan of the counts, scatter of the keys, sort where order matters
@@ -21,6 +22,7 @@
 mod attach;
 mod binning;
 mod clear;
+mod commands;
 mod encoder;
 mod frame;
 mod kernels;
@@ -199,11 +201,14 @@ impl Renderer {
         }
     }
 
-    /// Draws `pass` batch by batch and returns every intermediate.
+    /// Draws `pass` batch by batch and returns every intermediate. Draw commands in buffers are drawn as they are at this
+    /// moment, and a trace numbers them as draws of their own.
     ///
     /// # Errors
     /// Those of [`Executor::render`].
     pub fn trace(&mut self, pass: &Pass) -> Result<(Frame, Trace)> {
+        pass.check(&mut self.known)?;
+        let pass = &*pass.with_commands_read()?;
         self.next_frame()?;
         let mut tables = Tables::traced();
         let traced = self.trace_with(pass, &mut tables);

@@ -5,16 +5,14 @@
 
 use super::frame::Stage;
 use crate::{
-    abi,
     error::Result,
-    grid,
     vk::{Kernel, Recorder},
 };
 
 pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result<()> {
     let b = stage.buffers;
     recorder.fill(&b.cell_counts, 0)?;
-    recorder
+    let dispatch = recorder
         .kernel(kernel)
         .bind("Pieces", stage.pieces)
         .bind("Positions", &b.positions)
@@ -23,6 +21,6 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("CellCounts", &b.cell_counts)
         .bind("PrimitiveCells", &b.primitive_cells)
         .table(stage.table)
-        .push(&stage.push)
-        .dispatch(grid::groups(stage.push.primitives, abi::GROUP * abi::PRIMITIVE_ROUNDS))
+        .push(&stage.push);
+    stage.over_primitives(dispatch)
 }

@@ -35,7 +35,7 @@ pub fn record(
                 slot_count: work.slot_count,
                 ..stage.push
             };
-            recorder
+            let dispatch = recorder
                 .kernel(&kernels[work.kernel])
                 .bind("Pieces", stage.pieces)
                 .bind("Positions", &b.positions)
@@ -43,10 +43,11 @@ pub fn record(
                 .bind("Varyings", &varyings)
                 .bind("Attributes", &b.attributes)
                 .bind("ResourceSlots", &b.resource_slots)
-                .bind("Runs", &b.runs)
+                .bind("Runs", stage.runs)
                 .table(stage.table)
-                .push(&push)
-                .dispatch(grid::groups(work.slot_count, lanes * abi::VERTEX_ROUNDS))?;
+                .push(&push);
+            let groups = grid::groups(work.slot_count, lanes * abi::VERTEX_ROUNDS);
+            stage.over_vertices(dispatch, groups)?;
         }
         Ok(())
     })

@@ -6,7 +6,8 @@ use std::{borrow::Cow, collections::HashMap, sync::Arc};
 
 impl Pass {
     /// The same pass with all its resources on the host, as they are at this moment. The reference draws such passes,
-    /// and so does any device. A pass that binds nothing of a device is returned as it is.
+    /// and so does any device. Commands of indirect draws are draws there. A pass that has neither, nor binds anything of
+    /// a device, is returned as it is.
     ///
     /// # Errors
     /// As [`Buffer::content`].
@@ -15,7 +16,7 @@ impl Pass {
             return Ok(Cow::Borrowed(self));
         }
         let mut copied = Copied::default();
-        let mut pass = self.clone();
+        let mut pass = self.with_commands_read()?.into_owned();
         for color in &mut pass.colors {
             *color = color.snapshot()?;
         }
@@ -43,7 +44,8 @@ impl Pass {
         self.colors.iter().any(|color| color.image.is_some())
             || self.depth.as_ref().is_some_and(|depth| depth.image.is_some())
             || self.draws.iter().any(|draw| {
-                draw.vertex_buffers.iter().any(is_there)
+                draw.indirect.is_some()
+                    || draw.vertex_buffers.iter().any(is_there)
                     || draw.indices.as_ref().is_some_and(|indices| is_there(&indices.range))
                     || draw.sets.iter().any(|set| all(set))
             })

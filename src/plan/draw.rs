@@ -13,6 +13,9 @@ impl Planning<'_> {
     /// Cuts `draw`, the pass's number `number`, into pieces of the open batch and of as many more as it takes.
     pub(super) fn draw(&mut self, number: u32, draw: &Draw, info: PipelineInfo) -> Result<()> {
         let pipeline = self.pass.pipelines[draw.pipeline].clone();
+        if let Some(indirect) = &draw.indirect {
+            return self.indirect((number, draw, indirect), &pipeline, info);
+        }
         let per_instance = pipeline.topology.primitives(draw.count);
         let total = u64::from(per_instance) * u64::from(draw.instances);
         if total == 0 {
@@ -24,16 +27,7 @@ impl Planning<'_> {
                 draw.instances
             ))
         })?;
-        let template = match self.template(draw, &pipeline, info) {
-            Err(Error::Full(_)) if self.in_table > 0 && self.slots.is_full() => {
-                self.close();
-                self.slots.next_table()?;
-                self.in_table = 0;
-                self.template(draw, &pipeline, info)?
-            }
-            template => template?,
-        };
-        self.in_table += 1;
+        let template = self.in_a_table(|planning| planning.template(draw, &pipeline, info))?;
         let Some(template) = template else { return Ok(()) };
         let shared = self.shared(draw, &pipeline, template, total, info)?;
         let most_words = match shared {
@@ -102,6 +96,21 @@ impl Planning<'_> {
         Ok(())
     }
 
+    /// What `bind` returns, in another table if this one is full.
+    pub(super) fn in_a_table<T>(&mut self, bind: impl Fn(&mut Self) -> Result<T>) -> Result<T> {
+        let bound = match bind(self) {
+            Err(Error::Full(_)) if self.in_table > 0 && self.slots.is_full() => {
+                self.close();
+                self.slots.next_table()?;
+                self.in_table = 0;
+                bind(self)?
+            }
+            bound => bound?,
+        };
+        self.in_table += 1;
+        Ok(bound)
+    }
+
     /// The piece and the vertex slots of a whole draw, if the draw needs several batches and its vertices fit
     /// one. Then a new batch is begun, which shades all vertices, and they stay in place for the following
     /// batches. The indices of scanned meshes jump about, so that otherwise each batch would shade most of the
@@ -129,7 +138,7 @@ impl Planning<'_> {
     }
 
     /// What all pieces of a draw have in common; `None` if viewport and scissor leave no pixel.
-    fn template(
+    pub(super) fn template(
         &mut self,
         draw: &Draw,
         pipeline: &Pipeline,

@@ -18,9 +18,10 @@
 
 mod draw;
 mod facts;
+mod indirect;
 
 use crate::{
-    abi::{self, Attribute, Piece},
+    abi::{self, Attribute, Commands, Piece},
     error::{Error, Result},
     grid::Capacities,
     kept::ByIdentity,
@@ -117,6 +118,8 @@ pub struct BatchPlan {
     pub fragment_kernels: Vec<usize>,
     /// The number of the resource table that its slots belong to.
     pub table: usize,
+    /// Commands of which the device makes its pieces; its one piece in [`Plan::pieces`] is their template.
+    pub commands: Option<Commands>,
 }
 
 /// A pass, ready to be recorded.
@@ -152,6 +155,11 @@ impl Plan {
         slots: &mut dyn Slots,
     ) -> Result<Plan> {
         Planner::default().plan(pass, limit, ranges, slots)
+    }
+
+    /// The most commands that a batch makes its pieces of, if there are any.
+    pub fn most_commands(&self) -> Option<u32> {
+        self.batches.iter().filter_map(|batch| Some(batch.commands.as_ref()?.draws)).max()
     }
 
     /// The capacities that the buffers of the largest batch need.
@@ -368,6 +376,7 @@ impl Planning<'_> {
             vertex_work,
             fragment_kernels: std::mem::take(&mut open.fragment_kernels),
             table: self.slots.table(),
+            commands: None,
         });
         open.vertex_needs.clear();
         self.spare.open.push(open);

@@ -192,7 +192,7 @@ impl Gpu {
             addresses,
             timeout: options.timeout,
             push_constant_bytes: probe.properties.limits.max_push_constants_size,
-            draw_limits: draw_limits(&probe.properties.limits),
+            draw_limits: draw_limits(&probe),
             lacking: capability::lacking(&probe),
             debug,
             validation,

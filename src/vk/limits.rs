@@ -49,9 +49,13 @@ pub(crate) struct DrawLimits {
     pub vertex_outputs: u32,
     pub fragment_inputs: u32,
     pub fragment_outputs: u32,
+    /// Commands of one indirect draw, and whether a buffer may say how many there are.
+    pub commands: u32,
+    pub counts_commands: bool,
 }
 
-pub(super) fn draw_limits(l: &vk::PhysicalDeviceLimits) -> DrawLimits {
+pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
+    let l = &probe.properties.limits;
     DrawLimits {
         sets: l.max_bound_descriptor_sets,
         uniforms: l.max_per_stage_descriptor_uniform_buffers,
@@ -64,6 +68,13 @@ pub(super) fn draw_limits(l: &vk::PhysicalDeviceLimits) -> DrawLimits {
         vertex_outputs: l.max_vertex_output_components / 4,
         fragment_inputs: l.max_fragment_input_components / 4,
         fragment_outputs: l.max_fragment_output_attachments,
+        commands: match probe.features.multi_draw_indirect == vk::TRUE
+            && probe.features.draw_indirect_first_instance == vk::TRUE
+        {
+            true => l.max_draw_indirect_count,
+            false => 0,
+        },
+        counts_commands: probe.features12.draw_indirect_count == vk::TRUE,
     }
 }
 
