@@ -347,7 +347,7 @@ impl Pass {
 pub struct Frame {
     /// The colour targets, in the order of the pass.
     pub colors: Vec<crate::image::Image>,
-    /// The depth target, if the pass has one.
+    /// The depth target, if it is stored.
     pub depth: Option<crate::image::Image>,
 }
 

@@ -347,6 +347,11 @@ fn frames_that_are_dropped_and_passes_that_are_refused_draw_nothing() {
     wrong.draws[0].push_constants.clear();
     let error = encoder.encode(&wrong).unwrap_err();
     assert!(matches!(&error, Error::Usage(text) if text.contains("push constants")), "{error}");
+    // An image of another device: noticed before anything is recorded.
+    let other = crate::common::gpu();
+    let stranger = target(&other, "stranger", Extent::new(4, 4), Format::Rgba8Unorm);
+    let error = encoder.encode(&fill(&stranger, &shaders, [1.0; 4])).unwrap_err();
+    assert!(error.to_string().contains("stranger"), "{error}");
     let mut right = fill(&image, &shaders, [1.0; 4]);
     let mut depth = DepthTarget::cleared(1.0);
     depth.store = StoreOp::Discard;
@@ -421,12 +426,32 @@ fn recordings_start_without_waiting() {
         for _ in 0..10 {
             last = Some(recording.start().unwrap());
         }
+        recording.run().unwrap();
         drop(recording);
         let last = last.unwrap();
         assert!(last.is_done(), "a recording that is dropped was waited for");
         last.wait().unwrap();
-        let expected = (0..100_000u32)
+        let expected = (0..110_000u32)
             .fold(1u32, |n, _| n.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
         assert_eq!(cells.download().unwrap()[0], expected);
     });
+}
+
+/// Fewer frames may be in flight than before: those that are too many are waited for.
+#[test]
+fn the_number_of_frames_in_flight_may_shrink() {
+    let gpu = gpu();
+    let image = target(&gpu, "image", Extent::new(64, 64), Format::Rgba8Unorm);
+    let shaders = shaders();
+    let mut renderer = compute::Renderer::new(&gpu).unwrap();
+    let frame = |renderer: &mut compute::Renderer| {
+        let mut encoder = renderer.begin().unwrap();
+        encoder.encode(&fill(&image, &shaders, [1.0; 4])).unwrap();
+        encoder.submit().unwrap()
+    };
+    renderer.set_frames_in_flight(4);
+    let submitted: Vec<_> = (0..4).map(|_| frame(&mut renderer)).collect();
+    renderer.set_frames_in_flight(1);
+    frame(&mut renderer);
+    assert!(submitted.iter().all(|submission| submission.is_done()));
 }

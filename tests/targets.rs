@@ -16,7 +16,7 @@ use tilewright::{
     shader::{Shader, Stage},
     target::{ColorTarget, DepthTarget, LoadOp, StoreOp},
     texture::{Filter, Sampler, Texture, Wrap},
-    vk::{Gpu, Image, ImageInfo, ImageUse, ResourceTable},
+    vk::{Gpu, Image, ImageInfo, ImageUse},
 };
 
 fn target(gpu: &Gpu, name: &str, extent: Extent, format: Format) -> Image {
@@ -346,6 +346,8 @@ fn images_begin_with_zeros_and_hold_what_is_uploaded() {
             assert!(error.to_string().contains("no level 3"), "{error}");
         }
         let depth = target(gpu, "depth", Extent::new(1, 1), Format::D32Float);
+        let error = depth.upload::<&[u8]>(&[]).unwrap_err();
+        assert!(error.to_string().contains("1 levels, not 0"), "{error}");
         for wrong in [1.5f32, -0.1, f32::NAN] {
             let error = depth.upload(&[wrong.to_ne_bytes()]).unwrap_err();
             assert!(error.to_string().contains("in 0..=1"), "{error}");
@@ -356,7 +358,6 @@ fn images_begin_with_zeros_and_hold_what_is_uploaded() {
         let info = ImageInfo { name: "sampled", extent, format, levels: 1, usage };
         let error = Image::new(gpu, &info).unwrap().download(0).unwrap_err();
         assert!(error.to_string().contains("ImageUse::Attachment"), "{error}");
-        drop(ResourceTable::new(gpu).unwrap());
     });
 }
 
@@ -390,6 +391,7 @@ void main() { color = textureLod(image, vec2(0.5), floor(gl_FragCoord.x)); }";
             pass.draws[0].sets = vec![textures(&[&image])];
             let shown = executor.render(&pass).unwrap().into_color().unwrap();
             assert_eq!(shown.bytes, [255, 0, 0, 255, 7, 7, 7, 7, 5, 5, 5, 5]);
+            assert_eq!(image.download(1).unwrap().bytes, levels[1]);
         }
     });
 }

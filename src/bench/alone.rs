@@ -21,7 +21,7 @@ const AGAIN: usize = 3;
 /// The figures of one process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Alone {
-    /// Milliseconds from the making of the renderer to the fence of the first frame.
+    /// Milliseconds from the making of the renderer to the end of the first frame.
     pub first_frame_ms: f64,
     /// Milliseconds to prepare and draw the pass once more; the median of three.
     pub again_ms: f64,

@@ -88,7 +88,7 @@ impl Calibration {
         Ok(Self(recording))
     }
 
-    /// Milliseconds from submission to fence; the median of a few times.
+    /// Milliseconds from submission to end; the median of a few times.
     ///
     /// # Errors
     /// [`Error::Lost`](crate::Error::Lost).

@@ -3,7 +3,7 @@
 //! The pictures are compared first, by the rules of [`crate::compare`]: times of different pictures mean
 //! nothing. Then both passes are prepared, warmed up, and executed in rounds, in one process. In each round
 //! both executors draw one frame, and they take turns in who begins, so that a disturbance that lasts longer
-//! than a frame disturbs both alike. The host times a frame from its submission until its fence has signalled
+//! than a frame disturbs both alike. The host times a frame from its submission until it has ended
 //! and its timestamps can be read. Copying the picture to the host is part of neither frame.
 //!
 //! Compute's stages are timed in frames of their own, since each timestamp costs a barrier.
@@ -66,7 +66,7 @@ pub struct Settings {
 /// The time that one executor takes for a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Side {
-    /// Milliseconds from submission to fence.
+    /// Milliseconds from submission to end.
     pub frame: Summary,
     /// The milliseconds of each round, in their order.
     pub samples: Vec<f64>,

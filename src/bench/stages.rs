@@ -43,7 +43,7 @@ pub struct StageTime {
 pub struct Stages {
     /// In the order of first appearance.
     pub stages: Vec<StageTime>,
-    /// Milliseconds of the frames in which the stages were timed, from submission to fence; the median.
+    /// Milliseconds of the frames in which the stages were timed, from submission to end; the median.
     pub timed_frame_ms: f64,
     /// Milliseconds of the measured frame that are no stage's.
     pub remainder_ms: f64,

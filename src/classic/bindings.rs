@@ -137,13 +137,13 @@ impl Bindings {
                 buffer_info(&buffer, buffer.offset() + range.offset as u64, bytes)
             }
             Binding::Sampled(texture, state) => {
-                let image = resources.texture(texture)?;
+                let (image, sampler) = resources.sampled(texture, state)?;
                 commands.keep(image.0.clone());
                 Written::Image(
                     image_info
                         .image_view(image.0.view)
                         .image_layout(image.0.shader_layout())
-                        .sampler(resources.sampler(state)?.handle),
+                        .sampler(sampler.handle),
                 )
             }
             Binding::Texture(texture) => {

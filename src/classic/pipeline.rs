@@ -131,7 +131,7 @@ impl Compiled {
 
 impl Drop for Compiled {
     fn drop(&mut self) {
-        // SAFETY: recordings that use the pipeline hold it until their fence.
+        // SAFETY: recordings that use the pipeline hold it until they have ended.
         unsafe { self.gpu.0.device.destroy_pipeline(self.raw, None) };
     }
 }

@@ -60,7 +60,7 @@ impl Prepared {
         Ok(timings.total_ns)
     }
 
-    /// The targets after the last [`Prepared::execute`].
+    /// The targets after the last [`Prepared::execute`]. Of a target that is an image, what the image holds now.
     ///
     /// # Errors
     /// As [`Prepared::execute`], and [`Error::Usage`] if nothing was executed yet.

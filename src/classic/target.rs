@@ -109,6 +109,8 @@ impl Target {
     /// Records what comes before the draws.
     pub fn begin(&self, recorder: &mut Recorder) -> Result<()> {
         let from = match &self.begin {
+            // The other levels keep what they hold.
+            Begin::Value(_) if self.image.levels() > 1 => self.image.0.shader_layout(),
             Begin::Value(_) => vk::ImageLayout::UNDEFINED,
             Begin::Image => self.image.0.shader_layout(),
             Begin::Picture(picture) => {

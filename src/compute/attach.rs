@@ -119,6 +119,7 @@ impl<T: Copy> Attachment<T> {
         load: &LoadOp<T>,
         store: StoreOp,
     ) -> Result<Self> {
+        image.iter().try_for_each(|image| image.check_device(gpu))?;
         let begin = match (load, image) {
             (LoadOp::Clear(value), _) => Begin::Value(*value),
             (LoadOp::Upload(picture), _) => {

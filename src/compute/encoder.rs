@@ -38,7 +38,7 @@ impl Slot {
         };
         // The tables hold slices of the arena.
         self.tables.begin_frame(recorder.commands.unfinished())?;
-        self.arena.reset()?;
+        self.arena.reset();
         Ok(recorder)
     }
 }
@@ -48,8 +48,11 @@ impl Slot {
 /// Each command finds what the commands before it wrote, those of earlier frames included. The frame runs after
 /// [`Encoder::submit`]. If the encoder is dropped instead, nothing runs.
 ///
-/// [`Renderer::begin`] waits for an earlier frame if too many are in flight. A buffer or texture of the host that a pass
-/// binds for the first time is uploaded at once, and a device with memory of its own is waited for. Nothing else waits.
+/// A frame is one submission: all of it has the time that [`crate::vk::GpuOptions::timeout`] allows.
+///
+/// [`Renderer::begin`] waits for an earlier frame if too many are in flight. What a pass needs for the first time may wait
+/// for the device: textures of the host, and its buffers where the device has memory of its own, are uploaded; kernels
+/// and resource tables are made. Nothing else waits. What a frame used stays until its memory is used by another frame.
 pub struct Encoder<'r> {
     renderer: &'r mut Renderer,
     /// `None` once it was given back.
@@ -61,6 +64,9 @@ pub struct Encoder<'r> {
 impl<'r> Encoder<'r> {
     pub(super) fn new(renderer: &'r mut Renderer) -> Result<Self> {
         renderer.next_frame()?;
+        // Dropping a frame waits for its end.
+        let surplus = renderer.frames.len().saturating_sub(renderer.frames_in_flight);
+        renderer.frames.drain(..surplus);
         let free = renderer.frames.iter().position(|slot| {
             slot.recording.as_ref().is_none_or(|recording| !recording.is_running())
         });
@@ -77,9 +83,13 @@ impl<'r> Encoder<'r> {
     /// Records `pass`. What its shaders write to buffers of the device, all that follows finds.
     ///
     /// # Errors
-    /// As [`Renderer::prepare`], and [`Error::Usage`] if the pass stores a target that has no image. The frame goes on
-    /// without the pass.
+    /// As [`Renderer::prepare`], and [`Error::Usage`] if the pass stores a target that has no image. The frame then goes on
+    /// without the pass. Only if memory runs out while commands are recorded, a part of the pass is in the frame, which
+    /// cannot be submitted any more.
     pub fn encode(&mut self, pass: &Pass) -> Result<()> {
+        if self.broken {
+            return Err(broken());
+        }
         let colors = pass.colors.iter().map(|color| (&color.image, color.store));
         let depth = pass.depth.iter().map(|depth| (&depth.image, depth.store));
         if colors.chain(depth).any(|(image, store)| image.is_none() && store == StoreOp::Store) {
@@ -96,6 +106,9 @@ impl<'r> Encoder<'r> {
         let mut workspace = Workspace { scratch, arena, kernels: plan_kernels };
         let setup = Setup::new(gpu, kernels, &mut workspace, (pass, &plan), copies)?;
         // All bands take the rows of the first one, which is the largest, in turns.
+        for band in setup.bands().take(1) {
+            setup.target(workspace.scratch, &band)?;
+        }
         self.broken = true;
         for (number, band) in setup.bands().enumerate() {
             let target = setup.target(workspace.scratch, &band)?;
@@ -108,7 +121,8 @@ impl<'r> Encoder<'r> {
         Ok(())
     }
 
-    /// Memory of this frame that holds `content`: uniform blocks, vertices, what kernels read.
+    /// Memory of this frame that holds `content`: uniform blocks, vertices, what kernels read. It is a part of a larger
+    /// block, which stays as long as somebody holds one of its parts.
     ///
     /// # Errors
     /// [`Error::Capacity`] without memory for it.
@@ -165,7 +179,7 @@ impl<'r> Encoder<'r> {
     /// [`Encoder::encode`] told.
     pub fn submit(mut self) -> Result<Submission> {
         if self.broken {
-            return Err(Error::Usage("a pass of the frame was recorded in part".into()));
+            return Err(broken());
         }
         let Some((mut slot, recorder)) = self.parts.take() else {
             return Err(Error::Usage("the frame was submitted before".into()));
@@ -182,6 +196,11 @@ impl<'r> Encoder<'r> {
     fn parts(&mut self) -> &mut (Slot, Recorder) {
         self.parts.as_mut().expect("they are there until the frame is submitted, which consumes it")
     }
+}
+
+fn broken() -> Error {
+    let fault = "a pass of the frame was recorded in part, since memory ran out: drop the frame";
+    Error::Usage(fault.into())
 }
 
 impl Drop for Encoder<'_> {

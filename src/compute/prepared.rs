@@ -49,7 +49,8 @@ impl Prepared {
         Ok(all)
     }
 
-    /// The targets after the last [`Prepared::execute`]; before the first, they hold anything.
+    /// The targets after the last [`Prepared::execute`]; before the first, they hold anything. Of a target that is an image,
+    /// what the image holds now.
     ///
     /// # Errors
     /// As [`Prepared::execute`].

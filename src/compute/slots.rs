@@ -204,8 +204,7 @@ impl<'a> TableSlots<'a> {
                 self.open_table().insert_buffer(&slice)
             }
             Binding::Sampled(texture, sampler) => {
-                let image = self.resources.texture(texture)?;
-                let sampler = self.resources.sampler(sampler)?;
+                let (image, sampler) = self.resources.sampled(texture, sampler)?;
                 self.open_table().insert_sampled(&image, &sampler)
             }
             Binding::Texture(texture) => {

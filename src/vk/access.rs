@@ -84,10 +84,19 @@ impl Shared {
     /// Where the timeline of the device is: all submissions up to this one have ended.
     pub fn completed(&self) -> u64 {
         // SAFETY: the device and its semaphore are alive.
-        unsafe { self.device.get_semaphore_counter_value(self.timeline) }.unwrap_or(0)
+        match unsafe { self.device.get_semaphore_counter_value(self.timeline) } {
+            Ok(value) => value,
+            Err(e) => {
+                if e == vk::Result::ERROR_DEVICE_LOST {
+                    self.lost.store(true, Ordering::Relaxed);
+                }
+                0
+            }
+        }
     }
 
-    /// Waits until the timeline is at `value`, at most as long as a submission may take.
+    /// Waits until the timeline is at `value`. Each submission on the way there may take as long as one may take.
+    /// Nobody waits for a device that is lost: its last submissions may never end.
     pub fn wait_for(&self, value: u64) -> std::result::Result<(), vk::Result> {
         #[cfg(test)]
         match self.next_wait.lock().unwrap_or_else(PoisonError::into_inner).take() {
@@ -100,14 +109,18 @@ impl Shared {
     }
 
     fn wait(&self, value: u64) -> std::result::Result<(), vk::Result> {
-        if self.completed() >= value {
-            return Ok(());
-        }
         let timeout = u64::try_from(self.timeout.as_nanos()).unwrap_or(u64::MAX);
-        let (semaphores, values) = ([self.timeline], [value]);
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the device and its semaphore are alive.
-        unsafe { self.device.wait_semaphores(&info, timeout) }
+        let timeout = if self.is_lost() { 0 } else { timeout };
+        loop {
+            let done = self.completed();
+            if done >= value {
+                return Ok(());
+            }
+            let (semaphores, values) = ([self.timeline], [done + 1]);
+            let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+            // SAFETY: the device and its semaphore are alive.
+            unsafe { self.device.wait_semaphores(&info, timeout) }?;
+        }
     }
 
     /// The error for a submission that may not have ended. Nothing else may run.

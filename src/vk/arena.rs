@@ -67,7 +67,9 @@ impl Arena {
             Some(block) => block.clone(),
             None => {
                 let all: usize = self.blocks.iter().map(Buffer::len).sum();
-                self.next_block(bytes.max(all).max(FIRST_BLOCK))?
+                // As much as all before, so that there are few; less where the device has not so much.
+                self.next_block(bytes.max(all).max(FIRST_BLOCK))
+                    .or_else(|_| self.next_block(bytes))?
             }
         };
         let at = self.used;
@@ -76,19 +78,16 @@ impl Arena {
     }
 
     /// Takes all slices back. Blocks of which somebody still has a slice are left to them. If there are several blocks,
-    /// one that has room for as much takes their place.
-    ///
-    /// # Errors
-    /// As [`Buffer::new`].
-    pub fn reset(&mut self) -> Result<()> {
+    /// one that has room for as much takes their place, if the device has it.
+    pub fn reset(&mut self) {
         self.used = 0;
         let several = self.blocks.len() > 1;
         let all = self.blocks.iter().map(Buffer::len).sum();
         self.blocks.retain_mut(|block| !several && block.is_unique());
-        if self.blocks.is_empty() && all > 0 {
-            self.next_block(all)?;
+        if several {
+            // Without it, the next slice begins a block of its own.
+            let _ = self.next_block(all);
         }
-        Ok(())
     }
 
     fn next_block(&mut self, bytes: usize) -> Result<Buffer<u8>> {

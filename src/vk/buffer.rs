@@ -139,8 +139,8 @@ impl<T: Pod> Buffer<T> {
         Ok(buffer)
     }
 
-    /// Writes `content` from element `first` on. Waits for what other threads run on the device, and they
-    /// wait for it; so a recording finds all of the content or nothing of it.
+    /// Writes `content` from element `first` on. Waits for all that was started on the device, and whatever starts
+    /// waits for it; so a recording finds all of the content or nothing of it.
     ///
     /// # Errors
     /// [`Error::Usage`] if it is not an [`Memory::Upload`] buffer or too short; [`Error::Lost`] if the
@@ -173,8 +173,7 @@ impl<T: Pod> Buffer<T> {
         Ok(())
     }
 
-    /// The content, once the recording that wrote it has run. Waits for what other threads run on the
-    /// device.
+    /// The content, once the recording that wrote it has run. Waits for all that was started on the device.
     ///
     /// # Errors
     /// [`Error::Usage`] if it is not a [`Memory::Readback`] buffer; [`Error::Lost`] if the device was
@@ -329,7 +328,7 @@ impl RawBuffer {
 
 impl Drop for RawBuffer {
     fn drop(&mut self) {
-        // SAFETY: the last handle goes; recordings that use it hold it until their fence.
+        // SAFETY: the last handle goes; recordings that use it hold it until they have ended.
         unsafe { self.gpu.device.destroy_buffer(self.handle, None) };
         if let Some(allocation) = self.allocation.take() {
             self.gpu.free(allocation);

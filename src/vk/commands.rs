@@ -133,7 +133,7 @@ impl Commands {
         self.keep.clear();
         self.stages.clear();
         self.time_stages = false;
-        self.constants.reset()?;
+        self.constants.reset();
         self.begin()
     }
 
@@ -224,10 +224,12 @@ impl Commands {
         }
         if let Some(debug) = &self.gpu.0.debug {
             // A longer label is cut: a copy of any length would take memory in each frame.
-            let mut name = [0; LABEL_BYTES];
-            for (to, from) in name[..LABEL_BYTES - 1].iter_mut().zip(label.bytes()) {
-                *to = from;
+            let mut end = label.len().min(LABEL_BYTES - 1);
+            while !label.is_char_boundary(end) {
+                end -= 1;
             }
+            let mut name = [0; LABEL_BYTES];
+            name[..end].copy_from_slice(&label.as_bytes()[..end]);
             let label = CStr::from_bytes_until_nul(&name).unwrap_or_default();
             let info = vk::DebugUtilsLabelEXT::default().label_name(label);
             // SAFETY: the command buffer is being recorded.

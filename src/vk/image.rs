@@ -191,7 +191,7 @@ impl Image {
     ///
     /// # Errors
     /// As [`Recorder::upload_image`] and [`super::Recording::run`].
-    pub fn upload(&self, levels: &[impl AsRef<[u8]>]) -> Result<()> {
+    pub fn upload<L: AsRef<[u8]>>(&self, levels: &[L]) -> Result<()> {
         let mut recorder = Recorder::new(&Gpu(self.0.gpu.clone()), "upload")?;
         recorder.upload_image(self, levels)?;
         recorder.submit()?;

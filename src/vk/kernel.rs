@@ -290,7 +290,7 @@ impl RawKernel {
 
 impl Drop for RawKernel {
     fn drop(&mut self) {
-        // SAFETY: recordings that use the kernel hold it until their fence.
+        // SAFETY: recordings that use the kernel hold it until they have ended.
         unsafe {
             self.gpu.device.destroy_pipeline(self.pipeline, None);
             self.gpu.device.destroy_pipeline_layout(self.layout, None);

@@ -27,7 +27,7 @@
 //!
 //! # Lifetimes
 //! Every handle owns its Vulkan object through an `Arc` that also holds the device. A recording keeps
-//! everything that it refers to until it is dropped, which is after its fence. If waiting for the fence fails,
+//! everything that it refers to until it is dropped, which is after its end. If waiting for its end fails,
 //! by time-out or otherwise, the recording is leaked on purpose: freeing memory that a device still reads is
 //! undefined behaviour. The device then counts as lost: nothing more runs on it, and the host touches no
 //! memory that the device might still use.

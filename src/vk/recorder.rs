@@ -288,7 +288,7 @@ impl Dispatch<'_> {
         let (device, cmd) = (&recorder.gpu.0.device, recorder.commands.raw);
         let point = vk::PipelineBindPoint::COMPUTE;
         // SAFETY: pipeline, layout and sets belong together: `check` compared them with the
-        // kernel's reflection. All of them are kept until the fence.
+        // kernel's reflection. All of them are kept until it has ended.
         unsafe {
             device.cmd_bind_pipeline(cmd, point, raw.pipeline);
             device.cmd_bind_descriptor_sets(cmd, point, raw.layout, 0, sets, &[]);

@@ -34,13 +34,15 @@ impl Recording {
     /// [`Error::Lost`] if the device was lost or did not answer in time. Nothing can be run on the
     /// device afterwards, as after any other error of waiting.
     pub fn run(&mut self) -> Result<Timings> {
+        self.settle()?;
         let shared = self.gpu.0.clone();
         let _turn = shared.device_turn();
         self.enqueue()?;
         self.wait()
     }
 
-    /// Starts it and does not wait. If it is running already, waits for the end of that run first.
+    /// Starts it and does not wait for its end. If it is running already, waits for the end of that run first. Waits as
+    /// well while another thread has the turn of the host ([`super::Buffer::write`], [`super::Buffer::read`]).
     ///
     /// # Errors
     /// As [`Recording::run`].
@@ -145,9 +147,9 @@ pub struct Submission {
 }
 
 impl Submission {
-    /// Whether it has ended.
+    /// Whether it has ended. On a device that was lost, nothing is at work, and [`Submission::wait`] tells of the loss.
     pub fn is_done(&self) -> bool {
-        self.gpu.0.completed() >= self.ends_at
+        self.gpu.0.completed() >= self.ends_at || self.gpu.0.is_lost()
     }
 
     /// Waits for its end, at most as long as [`super::GpuOptions::timeout`].

@@ -10,15 +10,16 @@
 use super::{
     buffer::{Buffer, Memory},
     gpu::Gpu,
-    image::{Image, ImageInfo, ImageUse},
+    image::{Image, ImageInfo, ImageUse, vk_format},
     owner::same_device,
     recorder::Recorder,
     sampler::Sampler,
 };
 use crate::{
-    error::Result,
+    error::{Error, Result},
+    format::Format,
     pass::{self, BufferRange},
-    texture::{self, Texture},
+    texture::{self, Filter, Texture},
 };
 use std::{
     collections::HashMap,
@@ -158,6 +159,29 @@ impl Resources {
         self.flush_above(PENDING_BYTES)?;
         self.textures.insert(address, (Arc::downgrade(texture), uploaded.clone()));
         Ok(uploaded)
+    }
+
+    /// The upload of `texture`, and the sampler for `state` that samples it.
+    ///
+    /// # Errors
+    /// As [`Resources::texture`] and [`Sampler::new`]; [`Error::Device`] if the device does not filter depths linearly and
+    /// the sampler asks for it.
+    pub fn sampled(
+        &mut self,
+        texture: &Arc<Texture>,
+        state: &texture::Sampler,
+    ) -> Result<(Image, Sampler)> {
+        let format = texture.format();
+        let linear = [Some(state.mag), Some(state.min), state.mip].contains(&Some(Filter::Linear));
+        // All devices filter the formats of colours.
+        if linear && format == Format::D32Float && !self.gpu.0.filters(vk_format(format)) {
+            return Err(Error::Device(format!(
+                "texture `{}` is sampled with a linear filter, and {} filters no depths: use the nearest texel",
+                texture.label(),
+                self.gpu.name()
+            )));
+        }
+        Ok((self.texture(texture)?, self.sampler(state)?))
     }
 
     /// The sampler for `state`.

@@ -147,7 +147,7 @@ impl ResourceTable {
         Ok(table)
     }
 
-    /// Frees all slots. Waits for what other threads run with the table.
+    /// Frees all slots. If a recording has the table bound, waits for all that was started on the device.
     ///
     /// # Errors
     /// [`Error::Lost`] if the device was lost, which may still be reading.
@@ -406,7 +406,7 @@ impl ResourceTable {
 
 impl Drop for RawTable {
     fn drop(&mut self) {
-        // SAFETY: recordings that use the table hold it until their fence.
+        // SAFETY: recordings that use the table hold it until they have ended.
         unsafe { self.gpu.0.device.destroy_descriptor_pool(self.pool, None) };
     }
 }

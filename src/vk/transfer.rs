@@ -27,7 +27,7 @@ impl Recorder {
     pub fn fill<T: Pod>(&mut self, buffer: &Buffer<T>, word: u32) -> Result<()> {
         same_device(self, buffer)?;
         let (raw, offset) = (buffer.raw().clone(), buffer.offset());
-        if buffer.is_empty() {
+        if buffer.bytes() == 0 {
             return Ok(());
         }
         if !offset.is_multiple_of(4) || !buffer.bytes().is_multiple_of(4) {
@@ -68,7 +68,7 @@ impl Recorder {
                 to.name()
             )));
         }
-        if from.is_empty() {
+        if from.bytes() == 0 {
             return Ok(());
         }
         let distance = from.offset().abs_diff(to.offset());
@@ -122,6 +122,10 @@ impl Recorder {
     pub fn upload_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
         same_device(self, image)?;
         let raw = &image.0;
+        if levels.len() != raw.levels as usize {
+            let (name, has, given) = (&raw.name, raw.levels, levels.len());
+            return Err(Error::Usage(format!("image `{name}` has {has} levels, not {given}")));
+        }
         let total = levels.iter().map(|level| level.as_ref().len()).sum();
         let name = format!("upload of {}", raw.name);
         let staging = Buffer::<u8>::new(&self.gpu, &name, total, Memory::Upload)?;
@@ -131,12 +135,10 @@ impl Recorder {
             let region = raw.copy_of_level(n as u32, at as u64);
             let e = region.image_extent;
             let bytes = e.width as usize * e.height as usize * raw.format.texel_bytes();
-            if level.len() != bytes || levels.len() != raw.levels as usize {
+            if level.len() != bytes {
                 return Err(Error::Usage(format!(
-                    "image `{}` has {} levels, level {n} with {bytes} bytes; not {} with {}",
+                    "image `{}` has {bytes} bytes in level {n}, not {}",
                     raw.name,
-                    raw.levels,
-                    levels.len(),
                     level.len()
                 )));
             }

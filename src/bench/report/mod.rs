@@ -170,7 +170,7 @@ fn crossover(html: &mut Html, rows: &[Value]) {
 }
 
 fn cost(html: &mut Html, rows: &[Value]) {
-    html.section("First frames, processor, memory", "The first frame with empty caches and that of a second run, all from the making of the renderer to the fence; processor time of a warm frame, all threads together; the most memory the process ever held, scene included.");
+    html.section("First frames, processor, memory", "The first frame with empty caches and that of a second run, all from the making of the renderer to its end; processor time of a warm frame, all threads together; the most memory the process ever held, scene included.");
     html.line("<table><tr><th class=l>scene<th colspan=2>first frame, ms<th colspan=2>second run, ms<th colspan=2>processor, ms<th colspan=2>memory, MiB<tr><th class=l>");
     html.line(&"<th>compute<th>classic".repeat(4));
     for row in rows {
@@ -249,7 +249,7 @@ fn method(html: &mut Html, settings: &Value) {
         "<p>Both executors draw the same pass on the same device. Their pictures are compared first, on \
          16-bit float targets, with the limits of <code>tilewright parity</code>. Then both draw in rounds, \
          a frame each, in one process, and take turns in who begins. A frame lasts from its submission until \
-         its fence has signalled. Bringing the picture to the host is part of neither. Intervals are \
+         it has ended. Bringing the picture to the host is part of neither. Intervals are \
          distribution-free, made of order statistics. FASTER and SLOWER mean that the whole interval of the \
          ratio is on one side of 1 and the ratio is off by more than {0} %, SAME that the interval is within \
          {0} % of 1, BUSY that the machine was not quiet meanwhile, INVALID that the pictures differ, \
