@@ -4,6 +4,9 @@ use crate::common::{gpu, on_each_gpu};
 use tilewright::{image::Extent, vk::Gpu};
 
 #[allow(dead_code)]
+#[path = "../examples/particles.rs"]
+mod particles;
+#[allow(dead_code)]
 #[path = "../examples/shadow.rs"]
 mod shadow;
 #[allow(dead_code)]
@@ -43,4 +46,20 @@ fn boxes_throw_shadows() {
     let (lit, shadowed) = floor(&gpu());
     assert!(lit > 10_000, "{lit} pixels of the floor are lit");
     assert!((1500..6000).contains(&shadowed), "{shadowed} pixels of the floor are in shadow");
+}
+
+#[test]
+fn a_fountain_has_water_in_the_air() {
+    on_each_gpu("a fountain has water in the air", |gpu| {
+        let extent = Extent::new(160, 120);
+        let (picture, shown) = particles::fountain(gpu, extent, 5).unwrap();
+        assert!((8000..20_000).contains(&shown), "{shown} particles are in the air");
+        let lit = |x: u32, y: u32| picture.texel(x, y)[2] > 60;
+        let count = |rows: std::ops::Range<u32>| {
+            rows.flat_map(|y| (0..160).map(move |x| (x, y))).filter(|&(x, y)| lit(x, y)).count()
+        };
+        assert!(count(60..110) > 500, "{} pixels of water", count(60..110));
+        assert_eq!(count(116..120), 0, "nothing is below the ground");
+        assert!(!lit(2, 60) && !lit(157, 60), "nothing is beside the fountain");
+    });
 }

@@ -203,7 +203,8 @@ fn a_warm_frame_allocates_nothing() {
     }
 }
 
-/// Memory and kernels do not add up, whatever changes: push constants, sizes, what is bound.
+/// Memory and kernels do not add up, whatever changes: push constants, sizes, what is bound. `FRAMES=10000` draws more; run
+/// it alone then to see the memory of the process.
 #[test]
 fn frames_keep_nothing_of_those_before() {
     let gpu = gpu();
@@ -213,7 +214,12 @@ fn frames_keep_nothing_of_those_before() {
     let images = sizes.map(|(w, h)| target(&gpu, "image", Extent::new(w, h), Format::Rgba8Unorm));
     let mut random = Random::new(9);
     let mut after_some = None;
-    for frame in 0..400 {
+    let frames = std::env::var("FRAMES").map_or(400, |frames| frames.parse().unwrap());
+    let pages = || std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
+    for frame in 0..frames {
+        if frame % 1000 == 999 {
+            eprintln!("frame {frame}: pages in all and resident: {}", pages());
+        }
         let mut encoder = renderer.begin().unwrap();
         for _ in 0..1 + random.below(3) {
             let image = &images[random.below(images.len())];

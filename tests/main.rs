@@ -11,6 +11,7 @@ mod examples;
 mod extremes;
 mod frames;
 mod golden;
+mod images;
 mod indirect;
 mod interpolation;
 mod kept;

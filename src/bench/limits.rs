@@ -65,7 +65,7 @@ impl Rates {
 fn additions(gpu: &Gpu, recorder: &mut Recorder) -> Result<()> {
     let spirv = prebuilt::ATOMIC;
     let info = KernelInfo { name: "bench/atomic", spirv, ..Default::default() };
-    let kernel = Kernel::new(gpu, &info)?;
+    let kernel = Kernel::own(gpu, &info)?;
     let counters = Buffer::<u32>::new(gpu, "counters", COUNTERS, Memory::Device)?;
     let groups = (ADDITIONS / GROUP) as u32;
     recorder.kernel(&kernel).bind("Counters", &counters).dispatch(wide(groups))

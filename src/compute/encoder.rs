@@ -151,6 +151,14 @@ impl<'r> Encoder<'r> {
         self.parts().1.upload_image(image, levels)
     }
 
+    /// Makes all mip levels of `image` of its level 0, as [`Recorder::make_levels`] does.
+    ///
+    /// # Errors
+    /// As [`Recorder::make_levels`].
+    pub fn make_levels(&mut self, image: &Image) -> Result<()> {
+        self.parts().1.make_levels(image)
+    }
+
     /// Starts a dispatch of `kernel`.
     pub fn kernel(&mut self, kernel: &Kernel) -> Dispatch<'_> {
         self.parts().1.kernel(kernel)

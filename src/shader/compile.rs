@@ -64,6 +64,16 @@ pub(super) fn compile(
     Ok(words)
 }
 
+/// As [`compile`], for a compute kernel. What was compiled before is not remembered.
+///
+/// # Errors
+/// As [`compile`].
+pub(super) fn kernel(label: &str, source: &str) -> Result<Vec<u32>> {
+    words("comp", source, &Finder::default())
+        .and_then(|words| validate::validate(&words).map(|()| words))
+        .map_err(|reason| Error::shader(label, reason))
+}
+
 fn words(stage: &str, source: &str, finder: &Finder) -> Outcome<Vec<u32>> {
     // Without one, compilers take the source for the first version there was, and complain of that.
     let versioned = include::version(source).is_some();

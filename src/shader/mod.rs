@@ -263,6 +263,22 @@ pub struct Reflection {
     pub early_fragment_tests: bool,
 }
 
+/// The SPIR-V of a compute kernel in GLSL.
+///
+/// # Errors
+/// As [`Shader::from_glsl`].
+pub(crate) fn compile_kernel(label: &str, source: &str) -> Result<Vec<u32>> {
+    compile::kernel(label, source)
+}
+
+/// Whether `words` are a valid module, by the validator.
+///
+/// # Errors
+/// As [`Shader::from_spirv`].
+pub(crate) fn validate_kernel(label: &str, words: &[u32]) -> Result<()> {
+    validate::validate(words).map_err(|reason| Error::shader(label, reason))
+}
+
 impl Shader {
     /// Compiles Vulkan GLSL (`source`) with entry point `main`.
     ///

@@ -8,6 +8,7 @@ use ash::vk;
 use std::{
     any::Any,
     ffi::CStr,
+    ops::Range,
     sync::{
         Arc,
         atomic::{AtomicU64, Ordering},
@@ -195,6 +196,19 @@ impl Commands {
         from: vk::ImageLayout,
         to: vk::ImageLayout,
     ) {
+        self.transition_levels(image, 0..image.levels, from, to);
+    }
+
+    /// As [`Commands::transition`], of some levels.
+    pub fn transition_levels(
+        &mut self,
+        image: &Arc<RawImage>,
+        levels: Range<u32>,
+        from: vk::ImageLayout,
+        to: vk::ImageLayout,
+    ) {
+        let range =
+            image.range().base_mip_level(levels.start).level_count(levels.end - levels.start);
         let barrier = [vk::ImageMemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
             .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
@@ -205,7 +219,7 @@ impl Commands {
             .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
             .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
             .image(image.handle)
-            .subresource_range(image.range())];
+            .subresource_range(range)];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barrier);
         // SAFETY: the command buffer is being recorded; the image is kept.
         unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.raw, &info) };

@@ -7,7 +7,10 @@ use super::{
     instance::WITH_DERIVATIVES,
     reflect::{BlockBinding, KernelReflection, reflect},
 };
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    shader,
+};
 use ash::vk;
 use rspirv::spirv::Capability;
 use std::{
@@ -47,14 +50,44 @@ pub(super) struct RawKernel {
 }
 
 impl Kernel {
-    /// Makes a kernel: reflects it, checks its names against `info`, compiles it. It reaches its buffers
-    /// by descriptor, so that the device checks bounds.
+    /// Makes a kernel of GLSL, whose first line is `#version 460` or another.
     ///
     /// # Errors
-    /// [`Error::Usage`] names the fault: the words are no module, the module reaches memory by address, which
+    /// [`Error::Shader`] with the compiler's messages, or because the crate was built without a GLSL compiler (features
+    /// `glsl` and `glsl-bundled`); as [`Kernel::new`].
+    pub fn from_glsl(gpu: &Gpu, name: &str, source: &str) -> Result<Self> {
+        let spirv = shader::compile_kernel(name, source)?;
+        Self::own(gpu, &KernelInfo { name, spirv: &spirv, ..KernelInfo::default() })
+    }
+
+    /// Makes a kernel: validates the module, reflects it, checks its names against `info`, compiles it. It reaches its
+    /// buffers by descriptor, so that the device checks bounds.
+    ///
+    /// The validator is the program `spirv-val` of SPIRV-Tools, as for [`crate::shader::Shader::from_spirv`].
+    ///
+    /// # Errors
+    /// [`Error::Shader`] if the words are not valid for Vulkan 1.3, or if there is no `spirv-val` in `PATH`.
+    /// [`Error::Usage`] names the fault: the module reaches memory by address, which
     /// is not checked against bounds, a constant does not exist, or the workgroup or the push constants are
     /// larger than the device allows. [`Error::Device`] if the driver refuses it.
     pub fn new(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
+        shader::validate_kernel(info.name, info.spirv)?;
+        Self::own(gpu, info)
+    }
+
+    /// As [`Kernel::new`], for a module that is known to be valid: no validator is asked.
+    ///
+    /// # Safety
+    /// The words are a valid module for Vulkan 1.3. Drivers crash on others.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub unsafe fn new_unchecked(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
+        Self::own(gpu, info)
+    }
+
+    /// As [`Kernel::new`], for a module that this crate compiled.
+    pub(crate) fn own(gpu: &Gpu, info: &KernelInfo<'_>) -> Result<Self> {
         if declares(info.spirv, Capability::PhysicalStorageBufferAddresses) {
             return Err(Error::Usage(format!(
                 "kernel `{}` reaches memory by address, which is not checked against bounds",

@@ -9,6 +9,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     format::Format,
+    image::Extent,
 };
 use ash::vk;
 use bytemuck::Pod;
@@ -162,6 +163,59 @@ impl Recorder {
         }
         self.transition(image, WRITTEN, raw.shader_layout());
         self.commands.keep(staging.raw().clone());
+        Ok(())
+    }
+
+    /// Makes all mip levels of `image` below level 0, each of the one above, by the linear filter of the device. So their
+    /// texels may differ a little from device to device.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] unless the image was made for [`ImageUse::Attachment`] and holds colours; [`Error::Device`] if the
+    /// device computes but does not draw: Vulkan lets such a device filter nothing.
+    pub fn make_levels(&mut self, image: &Image) -> Result<()> {
+        same_device(self, image)?;
+        let raw = &image.0;
+        if raw.usage != ImageUse::Attachment || raw.format == Format::D32Float {
+            return Err(Error::Usage(format!(
+                "image `{}` ({:?}, `ImageUse::{:?}`) gets no levels: they are made of colours in images that are made \
+                 with `ImageUse::Attachment`",
+                raw.name, raw.format, raw.usage
+            )));
+        }
+        if !self.gpu.has_graphics() {
+            return Err(Error::Device(format!(
+                "{} makes no mip levels of image `{}`, since it has no queue that both draws and computes: upload them",
+                self.gpu.name(),
+                raw.name
+            )));
+        }
+        self.transition(image, raw.shader_layout(), WRITTEN);
+        let corner = |level| {
+            let Extent { width, height } = level_extent(raw.extent, level);
+            vk::Offset3D { x: width as i32, y: height as i32, z: 1 }
+        };
+        for level in 1..raw.levels {
+            let layers = |level| raw.copy_of_level(level, 0).image_subresource;
+            let region = [vk::ImageBlit::default()
+                .src_subresource(layers(level - 1))
+                .src_offsets([vk::Offset3D::default(), corner(level - 1)])
+                .dst_subresource(layers(level))
+                .dst_offsets([vk::Offset3D::default(), corner(level)])];
+            // Also a barrier: a level needs the one above.
+            self.commands.transition_levels(raw, level - 1..level, WRITTEN, READ);
+            // SAFETY: the levels are in these layouts; the image is kept by the transition. The queue draws, and all
+            // devices filter these formats.
+            unsafe {
+                let (device, commands) = (&self.gpu.0.device, self.commands.raw);
+                let (image, filter) = (raw.handle, vk::Filter::LINEAR);
+                device.cmd_blit_image(commands, image, READ, image, WRITTEN, &region, filter);
+            }
+        }
+        let (last, rest) = (raw.levels - 1, raw.shader_layout());
+        if last > 0 {
+            self.commands.transition_levels(raw, 0..last, READ, rest);
+        }
+        self.commands.transition_levels(raw, last..last + 1, WRITTEN, rest);
         Ok(())
     }
 
