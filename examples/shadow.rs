@@ -14,7 +14,7 @@ use tilewright::format::Format;
 use tilewright::image::{Extent, Image, png};
 use tilewright::pass::{Binding, BindingEntry, BindingSet, Draw, Pass, Pipeline};
 use tilewright::shader::{Shader, Stage};
-use tilewright::target::{ColorTarget, DepthTarget, LoadOp, StoreOp};
+use tilewright::target::{ColorTarget, DepthTarget, LoadOp};
 use tilewright::texture::{Filter, Sampler, Texture, Wrap};
 use tilewright::vk::{self, Gpu, GpuOptions, ImageInfo, ImageUse};
 
@@ -109,9 +109,7 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Image> {
 
     let mut second = Pass::new("what the eye sees", extent);
     second.colors = vec![ColorTarget::on_device(&picture, LoadOp::Clear([0.3, 0.4, 0.5, 1.0]))];
-    let mut depth = DepthTarget::cleared(1.0);
-    depth.store = StoreOp::Discard;
-    second.depth = Some(depth);
+    second.depth = Some(DepthTarget::transient(1.0));
     second.pipelines = pipeline("eye", VERTEX, FRAGMENT)?;
     let sampler = Sampler {
         wrap_u: Wrap::ClampToEdge,

@@ -14,7 +14,7 @@ use tilewright::pass::{
     Pipeline, StepRate, VertexAttribute, VertexBinding,
 };
 use tilewright::shader::{Shader, Stage};
-use tilewright::target::{ColorTarget, DepthTarget, LoadOp, StoreOp};
+use tilewright::target::{ColorTarget, DepthTarget, LoadOp};
 use tilewright::texture::{Sampler, Texture};
 use tilewright::vk::{self, Gpu, GpuOptions, ImageInfo, ImageUse};
 
@@ -42,9 +42,7 @@ pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Image>
         vk::Image::new(gpu, &ImageInfo { name: "turntable", extent, format, levels: 1, usage })?;
     let mut pass = Pass::new("turntable", extent);
     pass.colors = vec![ColorTarget::on_device(&target, LoadOp::Clear([0.02, 0.02, 0.03, 1.0]))];
-    let mut depth = DepthTarget::cleared(1.0);
-    depth.store = StoreOp::Discard;
-    pass.depth = Some(depth);
+    pass.depth = Some(DepthTarget::transient(1.0));
 
     let vertex = Shader::from_glsl(Stage::Vertex, "turntable.vert", VERTEX)?;
     let fragment = Shader::from_glsl(Stage::Fragment, "turntable.frag", FRAGMENT)?;

@@ -204,10 +204,11 @@ pub struct Indirect {
     pub stride: u32,
     /// Commands that are drawn, or the most of them if [`Indirect::count`] says how many: up to 2^20.
     pub draws: u32,
-    /// A 32-bit number of commands, at a multiple of 4 bytes.
+    /// A 32-bit number of commands, at a multiple of 4 bytes. A kernel that counts needs it at 0 in each frame
+    /// ([`crate::compute::Encoder::fill`]).
     pub count: Option<BufferRange>,
-    /// The most primitives that all commands have together, up to 2^24. `compute` draws no more than these, and spends
-    /// time and memory on as many batches as these take.
+    /// The most primitives that all instances of all commands have together, up to 2^24. `compute` leaves out what is
+    /// beyond, without an error, and spends time and memory on as many batches as these take.
     pub primitives: u32,
 }
 
@@ -248,7 +249,7 @@ pub struct Draw {
     pub pipeline: usize,
     /// One per `layout(set = …)`, by index.
     pub sets: Vec<Arc<BindingSet>>,
-    /// The push-constant block, from offset 0; empty if there is none.
+    /// The push-constant block, from offset 0; bytes beyond the block are ignored.
     pub push_constants: Vec<u8>,
     /// One per [`Pipeline::vertex_bindings`].
     pub vertex_buffers: Vec<BufferRange>,

@@ -85,6 +85,11 @@ impl DepthTarget {
         Self { image: None, load: LoadOp::Clear(depth), store: StoreOp::Store }
     }
 
+    /// As [`DepthTarget::cleared`], for depth that nobody needs after the pass.
+    pub fn transient(depth: f32) -> Self {
+        Self { store: StoreOp::Discard, ..Self::cleared(depth) }
+    }
+
     /// A target that is `image`, made for [`vk::ImageUse::Attachment`].
     pub fn on_device(image: &vk::Image, load: LoadOp<f32>) -> Self {
         Self { image: Some(image.clone()), load, store: StoreOp::Store }

@@ -440,3 +440,45 @@ fn edges_are_exact_far_outside_the_screen() {
         }
     });
 }
+
+/// Set 1 is the resource table: a kernel that declares something else there would not fit its layout.
+#[test]
+fn blocks_of_a_kernel_belong_to_set_0() {
+    on_each_gpu("blocks of a kernel belong to set 0", |gpu| {
+        let of = |declaration: &str, used: &str| {
+            let source = format!(
+                "#version 460
+                 layout(local_size_x = 1) in;
+                 {declaration}
+                 layout(set = 0, binding = 0) buffer Out {{ uint result; }};
+                 void main() {{ result = {used}; }}"
+            );
+            Kernel::from_glsl(gpu, "odd", &source)
+        };
+        of(
+            "layout(set = 1, binding = 4) buffer Words { uint words[]; } table[];",
+            "table[0].words[0]",
+        )
+        .unwrap();
+        for (declaration, used, words) in [
+            ("layout(set = 1, binding = 0) buffer Mine { uint mine[]; };", "mine[0]", "set 0"),
+            ("layout(set = 1, binding = 3) uniform Mine { uint mine; };", "mine", "set 0"),
+            (
+                "layout(set = 1, binding = 1) uniform sampler2D s[2];",
+                "uint(texture(s[0], vec2(0)).x)",
+                "set 0",
+            ),
+            (
+                "layout(set = 0, binding = 1) uniform sampler2D s;",
+                "uint(texture(s, vec2(0)).x)",
+                "resource table",
+            ),
+        ] {
+            let error =
+                of(declaration, used).err().unwrap_or_else(|| panic!("{declaration} is taken"));
+            assert!(error.to_string().contains(words), "{declaration}: {error}");
+        }
+        let error = of("", "nothing").err().unwrap();
+        assert!(error.to_string().contains("line 5"), "{error}");
+    });
+}

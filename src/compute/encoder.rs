@@ -90,12 +90,15 @@ impl<'r> Encoder<'r> {
         if self.broken {
             return Err(broken());
         }
-        let colors = pass.colors.iter().map(|color| (&color.image, color.store));
-        let depth = pass.depth.iter().map(|depth| (&depth.image, depth.store));
-        if colors.chain(depth).any(|(image, store)| image.is_none() && store == StoreOp::Store) {
+        let colors = pass.colors.iter().map(|color| ("colour", &color.image, color.store));
+        let depth = pass.depth.iter().map(|depth| ("depth", &depth.image, depth.store));
+        let homeless = |(_, image, store): &(&str, &Option<Image>, StoreOp)| {
+            image.is_none() && *store == StoreOp::Store
+        };
+        if let Some((kind, ..)) = colors.chain(depth).find(homeless) {
             return Err(Error::Usage(format!(
-                "pass `{}`: a frame stores targets in images, and one of its targets has none: give it an image of \
-                 the device, or discard it",
+                "pass `{}`: a frame stores targets in images, and the {kind} target has none: give it an image of the \
+                 device, or do not keep it (`StoreOp::Discard`)",
                 pass.label
             )));
         }
@@ -121,8 +124,9 @@ impl<'r> Encoder<'r> {
         Ok(())
     }
 
-    /// Memory of this frame that holds `content`: uniform blocks, vertices, what kernels read. It is a part of a larger
-    /// block, which stays as long as somebody holds one of its parts.
+    /// Memory that holds `content`, aligned for every use: uniform blocks, vertices, indices, what kernels read. It is meant
+    /// for this frame. Later frames may use it as well, as long as you hold it; the larger block that it is a part of
+    /// stays for so long.
     ///
     /// # Errors
     /// [`Error::Capacity`] without memory for it.

@@ -22,10 +22,13 @@ impl Indirect {
     pub(super) fn check(&self, indexed: bool) -> Fault {
         let Self { commands, stride, draws, count, primitives } = self;
         let bytes = Self::command_bytes(indexed);
-        if *draws > MOST_DRAWS || *primitives > MOST_PRIMITIVES {
-            return Err(format!(
-                "up to {draws} commands of {primitives} primitives; at most {MOST_DRAWS} and {MOST_PRIMITIVES}"
-            ));
+        for (number, most, what) in [
+            (draws, MOST_DRAWS, "commands"),
+            (primitives, MOST_PRIMITIVES, "primitives of all commands"),
+        ] {
+            if *number > most {
+                return Err(format!("up to {number} {what}; there are at most {most}"));
+            }
         }
         if commands.offset % 4 != 0 || stride % 4 != 0 || (*draws > 1 && (*stride as usize) < bytes)
         {

@@ -247,7 +247,7 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
 fn check_texture(texture: &Texture, pass: &Pass) -> Fault {
     if let Some(image) = texture.image() {
         if image.usage() != vk::ImageUse::Attachment {
-            return Err("is an image that was not made with `ImageUse::Attachment`".into());
+            return Err("is an image for something else: passes sample those that are made with `ImageUse::Attachment`".into());
         }
         let colors = pass.colors.iter().filter_map(|color| color.image.as_ref());
         let depth = pass.depth.iter().filter_map(|depth| depth.image.as_ref());

@@ -36,7 +36,8 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Which kind of device is acceptable.
     pub require: Require,
-    /// Loads the validation layer. Also on if the variable `TILEWRIGHT_VALIDATION` is `1`.
+    /// Loads the validation layer. Also on if the variable `TILEWRIGHT_VALIDATION` is `1`. Its messages go to the crate
+    /// `log` and to [`Gpu::validation_messages`], and not to standard error.
     pub validation: bool,
     /// How long one submission may take before the device counts as lost.
     pub timeout: Duration,

@@ -17,11 +17,12 @@ use std::sync::Arc;
 /// What an image is for; it decides usage and resting layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ImageUse {
-    /// Uploaded once, then sampled by shaders.
+    /// Uploaded once, then sampled by kernels of yours through a [`super::ResourceTable`]. Passes sample textures of the
+    /// host ([`crate::texture::Texture::new`]) and images for [`ImageUse::Attachment`].
     Sampled,
-    /// Read and written by shaders as a storage image.
+    /// Read and written by kernels of yours as a storage image, through a [`super::ResourceTable`].
     Storage,
-    /// Drawn to by passes and sampled by shaders, as often as wanted. It can be uploaded and read back at any time, and
+    /// Drawn to by passes and sampled by their shaders, as often as wanted; also a texture that the host uploads. It can be uploaded and read back at any time, and
     /// holds zeros until something else is written.
     Attachment,
 }

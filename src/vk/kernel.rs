@@ -23,7 +23,9 @@ use std::{
 pub struct KernelInfo<'a> {
     /// For messages, labels and timings.
     pub name: &'a str,
-    /// A module with one compute entry point, `main`.
+    /// A module with one compute entry point, `main`, for Vulkan up to 1.2. Its storage and uniform blocks are in set 0 and
+    /// keep their names ([`super::Dispatch::bind`] finds them by name). Images and samplers come from a
+    /// [`super::ResourceTable`], which is set 1.
     pub spirv: &'a [u32],
     /// The kernel's own specialization constants by name, with the bits of their values.
     pub constants: &'a [(&'a str, u32)],
@@ -50,7 +52,7 @@ pub(super) struct RawKernel {
 }
 
 impl Kernel {
-    /// Makes a kernel of GLSL, whose first line is `#version 460` or another.
+    /// Makes a kernel of GLSL, whose first line is `#version 460` or another. See [`KernelInfo::spirv`] for what it may bind.
     ///
     /// # Errors
     /// [`Error::Shader`] with the compiler's messages, or because the crate was built without a GLSL compiler (features

@@ -157,7 +157,7 @@ impl Dispatch<'_> {
         self
     }
 
-    /// Binds `buffer` to the kernel's block `name`. The elements have the size of the block's, if it
+    /// Binds `buffer` to the kernel's block `name`: that of the instance, or of the block if it has no instance name. The elements have the size of the block's, if it
     /// is nothing but an array; [`Buffer::cast`] says that another view of the bytes is meant.
     pub fn bind<T: Pod>(mut self, name: &str, buffer: &Buffer<T>) -> Self {
         if let Err(fault) = self.try_bind(name, buffer) {
@@ -217,7 +217,7 @@ impl Dispatch<'_> {
         self
     }
 
-    /// Sets all push constants.
+    /// Sets all push constants: as many bytes as the kernel's block has.
     pub fn push<P: Pod>(mut self, constants: &P) -> Self {
         self.lists.push.clear();
         self.lists.push.extend_from_slice(bytemuck::bytes_of(constants));

@@ -79,6 +79,11 @@ pub(super) fn reflect(
     words: &[u32],
     specialized: &HashMap<u32, u32>,
 ) -> std::result::Result<KernelReflection, String> {
+    if has(words, Op::ExecutionModeId) {
+        return Err("has its workgroup size from constants (`LocalSizeId`), as compilers for Vulkan 1.3 write it; \
+                    compile it for Vulkan 1.2 (`--target-env vulkan1.2`)"
+            .into());
+    }
     let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
     let m = Module::index(&module, specialized);
     let mut found = KernelReflection { workgroup: m.workgroup()?, ..Default::default() };
@@ -94,7 +99,14 @@ pub(super) fn reflect(
         let Some(set) = m.decoration(id, Decoration::DescriptorSet) else { continue };
         let binding = m.decoration(id, Decoration::Binding).unwrap_or(0);
         match set {
-            1 => found.uses_table = true,
+            1 if m.table_binding(class, pointee) == Some(binding) => found.uses_table = true,
+            1 => {
+                let name = [id, pointee].iter().find_map(|id| m.names.get(id)).unwrap_or(&"");
+                return Err(format!(
+                    "declares `{name}` as binding {binding} of set 1, which is the resource table and has other \
+                     kinds there: blocks of its own belong to set 0"
+                ));
+            }
             0 => {
                 let kind = match class {
                     StorageClass::StorageBuffer => BindingKind::Storage,
@@ -102,13 +114,22 @@ pub(super) fn reflect(
                         BindingKind::Storage
                     }
                     StorageClass::Uniform => BindingKind::Uniform,
-                    _ => return Err(format!("binds {class:?} in set 0, which is for blocks")),
+                    _ => {
+                        let name = m.names.get(&id).unwrap_or(&"");
+                        return Err(format!(
+                            "binds `{name}`, an image or a sampler, in set 0, which is for blocks; those come from a \
+                             resource table"
+                        ));
+                    }
                 };
                 let name = [id, pointee]
                     .iter()
                     .filter_map(|id| m.names.get(id))
                     .find(|n| !n.is_empty())
-                    .ok_or(format!("has no name for binding {binding} of set 0"))?;
+                    .ok_or(format!(
+                        "has no name for binding {binding} of set 0: compile it so that it keeps names (with `-g`, \
+                         or without `-O`)"
+                    ))?;
                 found.bindings.push(BlockBinding {
                     name: name.to_string(),
                     binding,
@@ -187,6 +208,25 @@ impl<'a> Module<'a> {
 
     fn has(&self, id: Word, wanted: Decoration) -> bool {
         self.decorations.get(&id).is_some_and(|all| all.iter().any(|(d, _)| *d == wanted))
+    }
+
+    /// The binding of the resource table that has this kind of variable.
+    fn table_binding(&self, class: StorageClass, pointee: Word) -> Option<u32> {
+        let mut element = self.types.get(&pointee)?;
+        if matches!(element.class.opcode, Op::TypeArray | Op::TypeRuntimeArray) {
+            element = self.types.get(&word(element, 0))?;
+        }
+        match (class, element.class.opcode) {
+            (StorageClass::StorageBuffer, Op::TypeStruct) => Some(4),
+            (StorageClass::UniformConstant, Op::TypeSampledImage) => Some(0),
+            (StorageClass::UniformConstant, Op::TypeSampler) => Some(2),
+            // 2 stands for an image that is used without a sampler.
+            (StorageClass::UniformConstant, Op::TypeImage) => match word(element, 5) {
+                2 => Some(3),
+                _ => Some(1),
+            },
+            _ => None,
+        }
     }
 
     /// The value of a constant, after specialization.
@@ -280,6 +320,18 @@ impl<'a> Module<'a> {
 
 const TOO_LARGE: &str = "has a block of more than 4 GiB";
 
+/// Whether a module has an instruction, before it is parsed.
+fn has(words: &[u32], wanted: Op) -> bool {
+    let mut at = 5; // behind the header
+    while let Some(first) = words.get(at) {
+        if first & 0xffff == wanted as u32 {
+            return true;
+        }
+        at += (first >> 16).max(1) as usize;
+    }
+    false
+}
+
 /// The bytes of `count` elements of `bytes`.
 fn product(bytes: u32, count: u32) -> std::result::Result<u32, String> {
     bytes.checked_mul(count).ok_or_else(|| TOO_LARGE.into())
@@ -297,5 +349,19 @@ fn literal(operands: &[Operand]) -> Option<u32> {
     match operands.first() {
         Some(&Operand::LiteralBit32(value)) => Some(value),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Compilers for Vulkan 1.3 write `OpExecutionModeId`, which the parser does not take.
+    #[test]
+    fn a_workgroup_size_from_constants_is_refused_with_the_way_out() {
+        let mode = 6 << 16 | Op::ExecutionModeId as u32;
+        let words = [0x0723_0203, 0x0001_0600, 0, 9, 0, mode, 1, 38, 2, 3, 4];
+        let error = reflect(&words, &HashMap::new()).unwrap_err();
+        assert!(error.contains("LocalSizeId") && error.contains("vulkan1.2"), "{error}");
     }
 }
