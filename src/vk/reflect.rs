@@ -99,7 +99,7 @@ pub(super) fn reflect(
         let Some(set) = m.decoration(id, Decoration::DescriptorSet) else { continue };
         let binding = m.decoration(id, Decoration::Binding).unwrap_or(0);
         match set {
-            1 if m.table_binding(class, pointee) == Some(binding) => found.uses_table = true,
+            1 if m.fits_table(class, pointee, binding) => found.uses_table = true,
             1 => {
                 let name = [id, pointee].iter().find_map(|id| m.names.get(id)).unwrap_or(&"");
                 return Err(format!(
@@ -210,22 +210,23 @@ impl<'a> Module<'a> {
         self.decorations.get(&id).is_some_and(|all| all.iter().any(|(d, _)| *d == wanted))
     }
 
-    /// The binding of the resource table that has this kind of variable.
-    fn table_binding(&self, class: StorageClass, pointee: Word) -> Option<u32> {
-        let mut element = self.types.get(&pointee)?;
-        if matches!(element.class.opcode, Op::TypeArray | Op::TypeRuntimeArray) {
-            element = self.types.get(&word(element, 0))?;
-        }
+    /// Whether the resource table has this kind of variable at `binding`. An image with its sampler serves as either.
+    fn fits_table(&self, class: StorageClass, pointee: Word, binding: u32) -> bool {
+        let array =
+            |t: &&dr::Instruction| matches!(t.class.opcode, Op::TypeArray | Op::TypeRuntimeArray);
+        let Some(whole) = self.types.get(&pointee).copied() else { return false };
+        let of_array = Some(whole).filter(array).and_then(|t| self.types.get(&word(t, 0)).copied());
+        let element = of_array.unwrap_or(whole);
         match (class, element.class.opcode) {
-            (StorageClass::StorageBuffer, Op::TypeStruct) => Some(4),
-            (StorageClass::UniformConstant, Op::TypeSampledImage) => Some(0),
-            (StorageClass::UniformConstant, Op::TypeSampler) => Some(2),
+            (StorageClass::StorageBuffer, Op::TypeStruct) => binding == 4,
+            (StorageClass::UniformConstant, Op::TypeSampledImage) => binding == 0,
+            (StorageClass::UniformConstant, Op::TypeSampler) => [0, 2].contains(&binding),
             // 2 stands for an image that is used without a sampler.
             (StorageClass::UniformConstant, Op::TypeImage) => match word(element, 5) {
-                2 => Some(3),
-                _ => Some(1),
+                2 => binding == 3,
+                _ => [0, 1].contains(&binding),
             },
-            _ => None,
+            _ => false,
         }
     }
 
