@@ -43,12 +43,12 @@ impl Pass {
 
     /// As [`Pass::validate`], with what an executor remembers.
     pub(crate) fn check(&self, known: &mut Known) -> Result<()> {
-        let named = |what: String| move |fault| Error::Usage(format!("{what}: {fault}"));
-        self.check_targets().map_err(|fault| named(format!("pass `{}`", self.label))(fault))?;
+        let named = |what: String, fault: String| Error::Usage(format!("{what}: {fault}"));
+        self.check_targets().map_err(|fault| named(format!("pass `{}`", self.label), fault))?;
         known.begin();
         for pipeline in &self.pipelines {
             let found = known.resources(pipeline);
-            found.map_err(|fault| named(format!("pipeline `{}`", pipeline.label))(fault))?;
+            found.map_err(|fault| named(format!("pipeline `{}`", pipeline.label), fault))?;
         }
         for (n, draw) in self.draws.iter().enumerate() {
             let Some(pipeline) = self.pipelines.get(draw.pipeline) else {
@@ -60,7 +60,7 @@ impl Pass {
             };
             let resources = known.of_pass[draw.pipeline].clone();
             check_draw(draw, pipeline, &resources, &mut Verified { pass: self, known }).map_err(
-                |fault| named(format!("draw {n} (pipeline `{}`)", pipeline.label))(fault),
+                |fault| named(format!("draw {n} (pipeline `{}`)", pipeline.label), fault),
             )?;
         }
         Ok(())
