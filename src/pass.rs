@@ -26,7 +26,7 @@ mod written;
 
 pub use buffer::{Buffer, BufferRange};
 pub use indices::IndexRanges;
-pub(crate) use validate::Known;
+pub(crate) use validate::{Known, check_color_targets};
 
 /// How often a vertex binding advances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -1,11 +1,13 @@
 //! The test suite: one binary, one module for each question it answers.
 
+mod adopt;
 mod attributes;
 mod bench;
 mod blocks;
 mod classic;
 mod cli;
 mod common;
+mod compile;
 mod devices;
 mod examples;
 mod extremes;

@@ -90,6 +90,7 @@ impl Target {
     ) -> Result<Self> {
         if let Some(image) = image {
             image.check_device(gpu)?;
+            image.0.check_attached()?;
             return Ok(Self { image: image.clone(), begin, store, copy: None });
         }
         let image = Image::new(gpu, info)?;

@@ -119,7 +119,10 @@ impl<T: Copy> Attachment<T> {
         load: &LoadOp<T>,
         store: StoreOp,
     ) -> Result<Self> {
-        image.iter().try_for_each(|image| image.check_device(gpu))?;
+        if let Some(image) = image {
+            image.check_device(gpu)?;
+            image.0.check_copied(matches!(load, LoadOp::Load), store == StoreOp::Store)?;
+        }
         let begin = match (load, image) {
             (LoadOp::Clear(value), _) => Begin::Value(*value),
             (LoadOp::Upload(picture), _) => {

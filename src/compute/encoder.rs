@@ -9,9 +9,13 @@ use crate::{
     error::{Error, Result},
     pass::Pass,
     target::StoreOp,
-    vk::{Arena, Buffer, Dispatch, Gpu, Image, Kernel, Recorder, Recording, Submission},
+    vk::{
+        Arena, Buffer, CallerCommands, Dispatch, Gpu, Image, Kernel, Recorder, Recording,
+        Submission,
+    },
 };
 use bytemuck::Pod;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// Frames in flight, unless [`Renderer::set_frames_in_flight`] says otherwise: the device runs one while the host records
 /// the other.
@@ -30,11 +34,13 @@ impl Slot {
         Self { recording: None, arena: Arena::new(gpu), tables: Tables::default() }
     }
 
-    /// Waits for its frame, and takes back all that the frame used.
-    fn restart(&mut self, gpu: &Gpu) -> Result<Recorder> {
-        let recorder = match self.recording.take() {
-            Some(before) => Recorder::instead_of(before, "frame")?,
-            None => Recorder::new(gpu, "frame")?,
+    /// Waits for its frame, and takes back all that the frame used. The next one is recorded into a command buffer of the
+    /// caller, if there is one.
+    fn restart(&mut self, gpu: &Gpu, borrowed: Option<&CallerCommands>) -> Result<Recorder> {
+        let recorder = match (self.recording.take(), borrowed) {
+            (Some(before), borrowed) => Recorder::instead_of(before, "frame", borrowed)?,
+            (None, Some(commands)) => Recorder::borrowing(gpu, "frame", commands)?,
+            (None, None) => Recorder::new(gpu, "frame")?,
         };
         // The tables hold slices of the arena.
         self.tables.begin_frame(recorder.commands.unfinished())?;
@@ -46,7 +52,8 @@ impl Slot {
 /// A frame that is being recorded: passes, and kernels and copies between them, in the order in which they run.
 ///
 /// Each command finds what the commands before it wrote, those of earlier frames included. The frame runs after
-/// [`Encoder::submit`]. If the encoder is dropped instead, nothing runs.
+/// [`Encoder::submit`]. If the encoder is dropped instead, nothing runs. An encoder that [`Renderer::record`] lends records
+/// into a command buffer of the caller, who submits it.
 ///
 /// A frame is one submission: all of it has the time that [`crate::vk::GpuOptions::timeout`] allows.
 ///
@@ -59,6 +66,24 @@ pub struct Encoder<'r> {
     parts: Option<(Slot, Recorder)>,
     /// Whether a pass was recorded in part.
     broken: bool,
+    /// Whether the commands are the caller's.
+    borrowed: bool,
+}
+
+/// Commands of a frame in a command buffer of the caller, see [`Renderer::record`]: holds all that they use. Drop it when
+/// the device is done with the command buffer, and the renderer uses the memory again.
+pub struct Recorded {
+    /// `None` once it was given back.
+    slot: Option<Slot>,
+    home: Weak<Mutex<Vec<Slot>>>,
+}
+
+impl Drop for Recorded {
+    fn drop(&mut self) {
+        if let (Some(slot), Some(home)) = (self.slot.take(), self.home.upgrade()) {
+            home.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
+        }
+    }
 }
 
 impl<'r> Encoder<'r> {
@@ -76,8 +101,30 @@ impl<'r> Encoder<'r> {
             // The oldest: they are in the order of their submissions.
             None => renderer.frames.remove(0),
         };
-        let recorder = slot.restart(&renderer.gpu)?;
-        Ok(Self { renderer, parts: Some((slot, recorder)), broken: false })
+        let recorder = slot.restart(&renderer.gpu, None)?;
+        Ok(Self { renderer, parts: Some((slot, recorder)), broken: false, borrowed: false })
+    }
+
+    /// Records into a command buffer of the caller.
+    pub(super) fn borrowing(
+        renderer: &'r mut Renderer,
+        commands: &CallerCommands,
+    ) -> Result<Encoder<'r>> {
+        renderer.next_frame()?;
+        let free = renderer.returned.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut slot = free.unwrap_or_else(|| Slot::new(&renderer.gpu));
+        let recorder = slot.restart(&renderer.gpu, Some(commands))?;
+        Ok(Self { renderer, parts: Some((slot, recorder)), broken: false, borrowed: true })
+    }
+
+    /// Ends the commands in a command buffer of the caller.
+    pub(super) fn finish(mut self) -> Result<Recorded> {
+        if self.broken {
+            return Err(broken());
+        }
+        let (mut slot, recorder) = self.parts.take().expect("it was not submitted");
+        slot.recording = Some(recorder.finish()?);
+        Ok(Recorded { slot: Some(slot), home: Arc::downgrade(&self.renderer.returned) })
     }
 
     /// Records `pass`. What its shaders write to buffers of the device, all that follows finds.
@@ -219,7 +266,13 @@ impl Drop for Encoder<'_> {
     fn drop(&mut self) {
         if let Some((slot, recorder)) = self.parts.take() {
             drop(recorder);
-            self.renderer.frames.push(slot);
+            match self.borrowed {
+                true => {
+                    let home = &self.renderer.returned;
+                    home.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
+                }
+                false => self.renderer.frames.push(slot),
+            }
         }
     }
 }

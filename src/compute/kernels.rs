@@ -1,6 +1,6 @@
 //! Makes the engine's kernels on one device, also with users' shaders spliced in. Each is made once.
 
-use super::vertex;
+use super::{compile::Pending, vertex};
 use crate::{
     abi,
     error::{Error, Result},
@@ -43,6 +43,8 @@ pub struct Kernels {
     pub scatter: Kernel,
     pub sort: Kernel,
     made: Kept<KernelRequest, Kernel>,
+    /// Kernels that threads make.
+    pub(super) pending: Vec<Pending>,
 }
 
 /// The kernels a plan needs, by the plan's own numbers.
@@ -114,12 +116,47 @@ impl Kernels {
             scatter,
             sort,
             made: Kept::default(),
+            pending: Vec::new(),
         })
     }
 
     /// Begins another pass: lets go of kernels by the rule of [`crate::kept`].
     pub fn next_pass(&mut self) {
         self.made.next_pass(Kernel::is_shared);
+    }
+
+    /// The kernels of `wanted`, made if they do not exist yet.
+    ///
+    /// # Errors
+    /// As [`Kernels::make`].
+    pub fn get(&mut self, wanted: Vec<KernelRequest>) -> Result<Vec<Kernel>> {
+        self.make(wanted.iter().cloned())?;
+        let get = |wanted| self.made.get(wanted).expect("it was made").clone();
+        Ok(wanted.iter().map(get).collect())
+    }
+
+    /// As [`Kernels::get`], by a thread.
+    pub fn start(&mut self, wanted: Vec<KernelRequest>) -> Pending {
+        self.take_finished();
+        let known = |request: &KernelRequest| self.made.get(request).cloned();
+        let pending = Pending::start((&self.gpu, self.width), wanted, known);
+        self.pending.push(pending.clone());
+        pending
+    }
+
+    /// Keeps what threads have made.
+    fn take_finished(&mut self) {
+        let Self { pending, made, .. } = self;
+        pending.retain(|pending| {
+            let outcome = pending.outcome();
+            let Some(outcome) = &*outcome else { return true };
+            for (request, kernel) in &outcome.made {
+                if made.get(request).is_none() {
+                    made.insert(request.clone(), kernel.clone());
+                }
+            }
+            false
+        });
     }
 
     /// Kernels of users' shaders that are kept, and those that were ever made.
@@ -133,20 +170,11 @@ impl Kernels {
     /// As [`Kernels::make`].
     pub fn of_plan(&mut self, plan: &Plan, format: u32, found: &mut PlanKernels) -> Result<()> {
         let vertex = || plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone()));
-        let fragment = |batch: &BatchPlan, kernel: usize| {
-            let key = plan.fragment_kernels[kernel].clone();
-            match batch.method {
-                Method::Opaque(_) => KernelRequest::Shade(key, format),
-                Method::Ordered { depth, .. } => KernelRequest::Ordered(key, format, depth),
-            }
-        };
-        let raster = |batch: &BatchPlan| match batch.method {
-            Method::Opaque(compare) => Some(KernelRequest::Raster(compare)),
-            Method::Ordered { .. } => None,
+        let of_batch = |batch: &BatchPlan, kernel: usize| {
+            of_method(batch.method, plan.fragment_kernels[kernel].clone(), format)
         };
         let of_batches = plan.batches.iter().flat_map(|batch| {
-            let all = batch.fragment_kernels.iter();
-            raster(batch).into_iter().chain(all.map(|&kernel| fragment(batch, kernel)))
+            batch.fragment_kernels.iter().flat_map(move |&kernel| of_batch(batch, kernel))
         });
         self.make(vertex().chain(of_batches))?;
         found.clear();
@@ -154,11 +182,17 @@ impl Kernels {
         found.vertex.extend(vertex().map(&mut get));
         for (number, batch) in plan.batches.iter().enumerate() {
             found.fragment_first.push(found.fragment.len());
-            let all = batch.fragment_kernels.iter();
-            found.fragment.extend(all.map(|&kernel| get(fragment(batch, kernel))));
-            let raster = raster(batch);
+            let mut raster = None;
+            for &kernel in &batch.fragment_kernels {
+                for wanted in of_batch(batch, kernel) {
+                    match wanted {
+                        KernelRequest::Raster(_) => raster = Some(get(wanted)),
+                        _ => found.fragment.push(get(wanted)),
+                    }
+                }
+            }
             found.last_opaque = raster.as_ref().map(|_| number).or(found.last_opaque);
-            found.raster.push(raster.map(&mut get));
+            found.raster.push(raster);
         }
         Ok(())
     }
@@ -170,14 +204,19 @@ impl Kernels {
     /// [`crate::Error::Shader`] if a shader is out of reach, [`crate::Error::Device`] if the driver
     /// refuses a kernel.
     pub fn make(&mut self, wanted: impl IntoIterator<Item = KernelRequest>) -> Result<()> {
+        self.take_finished();
         let mut seen = HashSet::new();
         let missing = wanted.into_iter().filter(|wanted| self.made.get(wanted).is_none());
-        let missing: Vec<KernelRequest> =
+        let mut missing: Vec<KernelRequest> =
             missing.filter(|wanted| seen.insert(wanted.clone())).collect();
         if missing.is_empty() {
             return Ok(());
         }
-        let made = in_parallel(&missing, |wanted| self.kernel(wanted));
+        // What threads make is waited for.
+        self.pending.iter().filter(|one| one.makes(&missing)).for_each(|one| drop(one.wait()));
+        self.take_finished();
+        missing.retain(|wanted| self.made.get(wanted).is_none());
+        let made = in_parallel(&missing, |wanted| make(&self.gpu, self.width, wanted));
         let mut outcome = Ok(());
         for (wanted, made) in missing.into_iter().zip(made) {
             match made {
@@ -187,57 +226,79 @@ impl Kernels {
         }
         outcome
     }
+}
 
-    fn kernel(&self, wanted: &KernelRequest) -> Result<Kernel> {
-        let width = self.width;
-        let (stage, words, key, constants) = match wanted {
-            KernelRequest::Raster(compare) => {
-                // Shared memory has no advantage on a CPU, and the driver does not access it by
-                // address.
-                let in_place = self.gpu.reads_by_address().into();
-                let constants = [
-                    ("SUBGROUP_WIDTH", width),
-                    ("COMPARE", *compare as u32),
-                    ("IN_PLACE", in_place),
-                ];
-                let info = wide(width, "raster", prebuilt::RASTER, &constants);
-                return Kernel::trusted(&self.gpu, &info);
-            }
-            KernelRequest::Vertex(key) => {
-                ("vertex", prebuilt::VERTEX, key, vec![("LANES", vertex::lanes(width))])
-            }
-            KernelRequest::Shade(key, format) => (
-                "shade",
-                prebuilt::SHADE,
-                key,
-                vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format)],
-            ),
-            KernelRequest::Ordered(key, format, depth) => {
-                let constants =
-                    vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
-                ("ordered", prebuilt::ORDERED, key, constants)
-            }
-        };
-        let native = self.gpu.has_compute_derivatives();
-        let options = SpliceOptions {
-            derivatives: if native { Derivatives::Native } else { Derivatives::Quad },
-            blocks: if self.gpu.info().kind == DeviceKind::Cpu {
-                Blocks::Prefetched
-            } else {
-                Blocks::InPlace
-            },
-            specialization: &key.specialization,
-        };
-        let spliced = splice(words, &key.shader, &options)?;
-        let attributes = key.attributes.iter();
-        let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
-        let read = (abi::SPEC_READ, key.read);
-        let own = key.specialization.iter().copied();
-        let constant_ids: Vec<_> = own.chain(attributes).chain([read]).collect();
-        let name = format!("{stage} {}", key.shader.label);
-        let info = wide(width, &name, &spliced.spirv, &constants);
-        Kernel::trusted(&self.gpu, &KernelInfo { constant_ids: &constant_ids, ..info })
-    }
+/// The kernels that draw the fragments of a batch into a colour format.
+pub fn of_method(
+    method: Method,
+    fragment: Arc<KernelKey>,
+    format: u32,
+) -> impl Iterator<Item = KernelRequest> {
+    let (raster, fragment) = match method {
+        Method::Opaque(compare) => {
+            (Some(KernelRequest::Raster(compare)), KernelRequest::Shade(fragment, format))
+        }
+        Method::Ordered { depth, .. } => (None, KernelRequest::Ordered(fragment, format, depth)),
+    };
+    raster.into_iter().chain([fragment])
+}
+
+/// The kernels of `wanted`, those that were `found` before included.
+pub fn make_all(
+    gpu: &Gpu,
+    width: u32,
+    wanted: &[KernelRequest],
+    found: &[Option<Kernel>],
+) -> Vec<Result<Kernel>> {
+    let all: Vec<_> = wanted.iter().zip(found).collect();
+    in_parallel(&all, |(wanted, found)| match found {
+        Some(found) => Ok((*found).clone()),
+        None => make(gpu, width, wanted),
+    })
+}
+
+/// Makes one kernel.
+fn make(gpu: &Gpu, width: u32, wanted: &KernelRequest) -> Result<Kernel> {
+    let (stage, words, key, constants) = match wanted {
+        KernelRequest::Raster(compare) => {
+            // Shared memory has no advantage on a CPU, and the driver does not access it by
+            // address.
+            let in_place = gpu.reads_by_address().into();
+            let constants =
+                [("SUBGROUP_WIDTH", width), ("COMPARE", *compare as u32), ("IN_PLACE", in_place)];
+            let info = wide(width, "raster", prebuilt::RASTER, &constants);
+            return Kernel::trusted(gpu, &info);
+        }
+        KernelRequest::Vertex(key) => {
+            ("vertex", prebuilt::VERTEX, key, vec![("LANES", vertex::lanes(width))])
+        }
+        KernelRequest::Shade(key, format) => {
+            ("shade", prebuilt::SHADE, key, vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format)])
+        }
+        KernelRequest::Ordered(key, format, depth) => {
+            let constants = vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
+            ("ordered", prebuilt::ORDERED, key, constants)
+        }
+    };
+    let native = gpu.has_compute_derivatives();
+    let options = SpliceOptions {
+        derivatives: if native { Derivatives::Native } else { Derivatives::Quad },
+        blocks: if gpu.info().kind == DeviceKind::Cpu {
+            Blocks::Prefetched
+        } else {
+            Blocks::InPlace
+        },
+        specialization: &key.specialization,
+    };
+    let spliced = splice(words, &key.shader, &options)?;
+    let attributes = key.attributes.iter();
+    let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
+    let read = (abi::SPEC_READ, key.read);
+    let own = key.specialization.iter().copied();
+    let constant_ids: Vec<_> = own.chain(attributes).chain([read]).collect();
+    let name = format!("{stage} {}", key.shader.label);
+    let info = wide(width, &name, &spliced.spirv, &constants);
+    Kernel::trusted(gpu, &KernelInfo { constant_ids: &constant_ids, ..info })
 }
 
 /// A kernel that is made for full subgroups of one width.
@@ -259,7 +320,7 @@ fn wide<'a>(
 }
 
 /// Stack of a thread that makes kernels: drivers and the splicer expect that of a main thread.
-const STACK_BYTES: usize = 8 << 20;
+pub const STACK_BYTES: usize = 8 << 20;
 
 /// `make` of each of `inputs`, on as many threads as the machine has cores.
 fn in_parallel<I: Sync, O: Send>(

@@ -23,6 +23,7 @@ mod attach;
 mod binning;
 mod clear;
 mod commands;
+mod compile;
 mod encoder;
 mod frame;
 mod kernels;
@@ -37,7 +38,8 @@ mod target;
 mod trace;
 mod vertex;
 
-pub use encoder::Encoder;
+pub use compile::{Compilation, Compiled};
+pub use encoder::{Encoder, Recorded};
 pub use prepared::Prepared;
 
 use crate::{
@@ -48,14 +50,14 @@ use crate::{
     plan::{KernelKey, Plan, Planner, depth_mode},
     shader::{Shader, Stage},
     trace::Trace,
-    vk::{Arena, Cached, Copies, Gpu, Recorder, Resources},
+    vk::{Arena, Cached, CallerCommands, Copies, Gpu, Recorder, Resources},
 };
 use frame::{Setup, Workspace};
 use kernels::{KernelRequest, Kernels, PlanKernels};
 use prepared::Results;
 use scratch::Scratch;
 use slots::{TablePool, TableSlots, Tables};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Executes passes by compute kernels on one device.
 ///
@@ -77,6 +79,8 @@ pub struct Renderer {
     /// Frames in the order of their submissions.
     frames: Vec<encoder::Slot>,
     frames_in_flight: usize,
+    /// The memory of frames in command buffers of the caller, once the caller is done with them.
+    returned: Arc<Mutex<Vec<encoder::Slot>>>,
 }
 
 impl Renderer {
@@ -98,6 +102,7 @@ impl Renderer {
             plan_kernels: PlanKernels::default(),
             frames: Vec::new(),
             frames_in_flight: encoder::FRAMES_IN_FLIGHT,
+            returned: Arc::default(),
         })
     }
 
@@ -169,6 +174,24 @@ impl Renderer {
     /// memory.
     pub fn begin(&mut self) -> Result<Encoder<'_>> {
         Encoder::new(self)
+    }
+
+    /// Records a frame into a command buffer of the caller, who submits it once or more often: all that `frame` encodes. It
+    /// waits for nobody, but for what [`Encoder`] says of the first use of something. The conditions are those of
+    /// [`CallerCommands::new`]. The frame has memory of its own until [`Recorded`] is dropped; as many frames as there are of
+    /// these may be in flight. What the frame writes to the renderer's own memory is shared with other frames, so that
+    /// everything that the renderer recorded runs one after the other, in the order of submissions.
+    ///
+    /// # Errors
+    /// Those of `frame`, and [`crate::Error::Full`] without memory.
+    pub fn record(
+        &mut self,
+        commands: CallerCommands,
+        frame: impl FnOnce(&mut Encoder<'_>) -> Result<()>,
+    ) -> Result<Recorded> {
+        let mut encoder = Encoder::borrowing(self, &commands)?;
+        frame(&mut encoder)?;
+        encoder.finish()
     }
 
     /// Frames that may be in flight, at least 1; 2 unless set. Each has memory of its own for what the host writes.

@@ -27,7 +27,7 @@ const STRIDE_BYTES: u32 = 2048;
 const BLOCK_ALIGNMENT: usize = 256;
 
 /// A fault, without saying where.
-pub(super) type Fault = std::result::Result<(), String>;
+pub(crate) type Fault = std::result::Result<(), String>;
 
 impl Pass {
     /// Checks that the pass is valid: extents, ranges inside their buffers, alignments, a binding of the
@@ -71,14 +71,19 @@ impl Pass {
         if !sides.contains(&self.extent.width) || !sides.contains(&self.extent.height) {
             return Err(format!("{} pixels; each side is 1 to {TARGET_SIDE_PX}", self.extent));
         }
-        if self.colors.len() > COLOR_TARGETS {
-            let targets = self.colors.len();
-            return Err(format!("{targets} colour targets; there is at most {COLOR_TARGETS}"));
-        }
+        check_color_targets(self.colors.len())?;
         for color in &self.colors {
             color.check(self.extent)?;
         }
         self.depth.as_ref().map_or(Ok(()), |depth| depth.check(self.extent))
+    }
+}
+
+/// Refuses more colour targets than there may be.
+pub(crate) fn check_color_targets(targets: usize) -> Fault {
+    match targets > COLOR_TARGETS {
+        true => Err(format!("{targets} colour targets; there is at most {COLOR_TARGETS}")),
+        false => Ok(()),
     }
 }
 

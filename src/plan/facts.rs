@@ -42,6 +42,22 @@ impl Facts {
     }
 }
 
+/// The kernels of one pipeline.
+pub(crate) struct PipelineKernels {
+    pub vertex: Arc<KernelKey>,
+    pub fragment: Arc<KernelKey>,
+    /// Its kernel has the number 0.
+    pub method: Method,
+}
+
+impl PipelineKernels {
+    /// Those of `pipeline` in passes that have a depth target or not.
+    pub fn of(pipeline: &Pipeline, has_depth: bool) -> Self {
+        let Facts { vertex, fragment, .. } = Facts::new(pipeline);
+        Self { vertex, fragment, method: method(pipeline, has_depth, 0) }
+    }
+}
+
 /// The attributes of a pipeline, ordered by location.
 fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
     let format = |attribute: &VertexAttribute| {

@@ -32,7 +32,7 @@ use crate::{
 use facts::{Facts, method};
 use std::{collections::HashMap, sync::Arc};
 
-pub(crate) use facts::depth_mode;
+pub(crate) use facts::{PipelineKernels, depth_mode};
 
 /// Where the executor put a resource: gives the planner slots of the resource table.
 pub trait Slots {

@@ -44,11 +44,10 @@ pub(crate) struct RawBuffer {
     pub address: vk::DeviceAddress,
     memory: Memory,
     allocation: Option<Allocation>,
+    /// Whether it is the caller's.
+    adopted: bool,
     pub(super) gpu: Arc<Shared>,
 }
-
-/// Buffers end on a multiple of this, so that kernels may read the last bytes as whole vectors.
-const SIZE_MULTIPLE: u64 = 16;
 
 impl<T: Pod> Buffer<T> {
     /// A buffer of `len` elements with undefined content.
@@ -56,35 +55,13 @@ impl<T: Pod> Buffer<T> {
     /// # Errors
     /// [`Error::Capacity`] if it is larger than the device allows or has memory for.
     pub fn new(gpu: &Gpu, name: &str, len: usize, memory: Memory) -> Result<Self> {
-        let limits = gpu.limits();
         let bytes = (len as u64).saturating_mul(size_of::<T>() as u64);
-        let size = bytes.max(1).div_ceil(SIZE_MULTIPLE).saturating_mul(SIZE_MULTIPLE);
-        if size > limits.buffer_bytes {
-            let limit_of = format!("one buffer on {}", gpu.name());
-            return Err(capacity(
-                &format!("buffer `{name}`"),
-                bytes,
-                limit_of,
-                limits.buffer_bytes,
-            ));
-        }
+        RawBuffer::check_size(gpu, name, bytes)?;
+        let size = bytes.max(1).next_multiple_of(RawBuffer::SIZE_MULTIPLE);
         let shared = gpu.0.clone();
-        let addressed = match shared.addresses {
-            true => vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
-            false => vk::BufferUsageFlags::empty(),
-        };
         let info = vk::BufferCreateInfo::default()
             .size(size)
-            .usage(
-                vk::BufferUsageFlags::STORAGE_BUFFER
-                    | vk::BufferUsageFlags::UNIFORM_BUFFER
-                    | vk::BufferUsageFlags::VERTEX_BUFFER
-                    | vk::BufferUsageFlags::INDEX_BUFFER
-                    | vk::BufferUsageFlags::INDIRECT_BUFFER
-                    | vk::BufferUsageFlags::TRANSFER_SRC
-                    | vk::BufferUsageFlags::TRANSFER_DST
-                    | addressed,
-            )
+            .usage(shared.buffer_usage())
             .sharing_mode(vk::SharingMode::EXCLUSIVE);
         // SAFETY: the device is alive.
         let handle = unsafe { shared.device.create_buffer(&info, None) }
@@ -97,6 +74,7 @@ impl<T: Pod> Buffer<T> {
             address: 0,
             memory,
             allocation: None,
+            adopted: false,
             gpu: shared.clone(),
         };
         // SAFETY: `handle` is alive and not yet bound; the memory was allocated for it.
@@ -284,6 +262,19 @@ impl<T: Pod> Buffer<T> {
         Arc::get_mut(&mut self.raw).is_some()
     }
 
+    /// Bytes that a descriptor covers: all elements, rounded up to whole words where the buffer
+    /// goes on, and never 0, which Vulkan does not allow.
+    pub(crate) fn descriptor_bytes(&self) -> u64 {
+        self.bytes().max(1).next_multiple_of(4).min(self.raw.size - self.offset)
+    }
+}
+
+impl<T> Buffer<T> {
+    /// All of `raw`, which has `len` elements.
+    pub(super) fn of_raw(raw: RawBuffer, len: usize) -> Self {
+        Self { raw: Arc::new(raw), offset: 0, len, element: PhantomData }
+    }
+
     pub(crate) fn raw(&self) -> &Arc<RawBuffer> {
         &self.raw
     }
@@ -291,12 +282,6 @@ impl<T: Pod> Buffer<T> {
     /// First byte in the Vulkan buffer.
     pub(crate) fn offset(&self) -> u64 {
         self.offset
-    }
-
-    /// Bytes that a descriptor covers: all elements, rounded up to whole words where the buffer
-    /// goes on, and never 0, which Vulkan does not allow.
-    pub(crate) fn descriptor_bytes(&self) -> u64 {
-        self.bytes().max(1).next_multiple_of(4).min(self.raw.size - self.offset)
     }
 }
 
@@ -313,6 +298,31 @@ impl<T> std::fmt::Debug for Buffer<T> {
 }
 
 impl RawBuffer {
+    /// Buffers end on a multiple of this, so that kernels may read the last bytes as whole vectors.
+    pub const SIZE_MULTIPLE: u64 = 16;
+
+    /// A buffer of the caller, which has this handle and this many bytes.
+    pub fn adopted(
+        gpu: &Gpu,
+        name: &str,
+        (handle, size): (vk::Buffer, u64),
+        address: vk::DeviceAddress,
+    ) -> Self {
+        let (gpu, memory) = (gpu.0.clone(), Memory::Device);
+        let name = name.to_string();
+        Self { handle, name, size, address, memory, allocation: None, adopted: true, gpu }
+    }
+
+    /// Refuses more bytes than one buffer may have.
+    pub fn check_size(gpu: &Gpu, name: &str, bytes: u64) -> Result<()> {
+        let limit = gpu.limits().buffer_bytes;
+        if bytes > limit {
+            let limit_of = format!("one buffer on {}", gpu.name());
+            return Err(capacity(&format!("buffer `{name}`"), bytes, limit_of, limit));
+        }
+        Ok(())
+    }
+
     /// The mapped memory of a buffer made for `memory`.
     fn mapped(&self, memory: Memory) -> Result<*mut u8> {
         let pointer = self.allocation.as_ref().and_then(Allocation::mapped_ptr);
@@ -328,8 +338,10 @@ impl RawBuffer {
 
 impl Drop for RawBuffer {
     fn drop(&mut self) {
-        // SAFETY: the last handle goes; recordings that use it hold it until they have ended.
-        unsafe { self.gpu.device.destroy_buffer(self.handle, None) };
+        if !self.adopted {
+            // SAFETY: the last handle goes; recordings that use it hold it until they have ended.
+            unsafe { self.gpu.device.destroy_buffer(self.handle, None) };
+        }
         if let Some(allocation) = self.allocation.take() {
             self.gpu.free(allocation);
         }

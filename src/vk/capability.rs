@@ -16,60 +16,68 @@ type Offers = fn(&Probe) -> bool;
 
 /// A capability, what Vulkan calls the feature, and whether a device offers it.
 const CAPABILITIES: &[(Capability, &str, Offers)] = &[
-    (Capability::Geometry, "geometryShader", |p| p.features.geometry_shader == TRUE),
-    (Capability::Tessellation, "tessellationShader", |p| p.features.tessellation_shader == TRUE),
-    (Capability::Float64, "shaderFloat64", |p| p.features.shader_float64 == TRUE),
-    (Capability::Int64, "shaderInt64", |p| p.features.shader_int64 == TRUE),
-    (Capability::Int16, "shaderInt16", |p| p.features.shader_int16 == TRUE),
-    (Capability::Float16, "shaderFloat16", |p| p.features12.shader_float16 == TRUE),
-    (Capability::Int8, "shaderInt8", |p| p.features12.shader_int8 == TRUE),
+    (Capability::Geometry, "geometryShader", |p| p.features.core.geometry_shader == TRUE),
+    (Capability::Tessellation, "tessellationShader", |p| {
+        p.features.core.tessellation_shader == TRUE
+    }),
+    (Capability::Float64, "shaderFloat64", |p| p.features.core.shader_float64 == TRUE),
+    (Capability::Int64, "shaderInt64", |p| p.features.core.shader_int64 == TRUE),
+    (Capability::Int16, "shaderInt16", |p| p.features.core.shader_int16 == TRUE),
+    (Capability::Float16, "shaderFloat16", |p| p.features.v12.shader_float16 == TRUE),
+    (Capability::Int8, "shaderInt8", |p| p.features.v12.shader_int8 == TRUE),
     (Capability::Int64Atomics, "shaderBufferInt64Atomics", |p| {
-        p.features12.shader_buffer_int64_atomics == TRUE
+        p.features.v12.shader_buffer_int64_atomics == TRUE
     }),
     (Capability::ImageGatherExtended, "shaderImageGatherExtended", |p| {
-        p.features.shader_image_gather_extended == TRUE
+        p.features.core.shader_image_gather_extended == TRUE
     }),
-    (Capability::ImageCubeArray, "imageCubeArray", |p| p.features.image_cube_array == TRUE),
-    (Capability::SampledCubeArray, "imageCubeArray", |p| p.features.image_cube_array == TRUE),
+    (Capability::ImageCubeArray, "imageCubeArray", |p| p.features.core.image_cube_array == TRUE),
+    (Capability::SampledCubeArray, "imageCubeArray", |p| p.features.core.image_cube_array == TRUE),
     (Capability::SampleRateShading, "sampleRateShading", |p| {
-        p.features.sample_rate_shading == TRUE
+        p.features.core.sample_rate_shading == TRUE
     }),
-    (Capability::ClipDistance, "shaderClipDistance", |p| p.features.shader_clip_distance == TRUE),
-    (Capability::CullDistance, "shaderCullDistance", |p| p.features.shader_cull_distance == TRUE),
+    (Capability::ClipDistance, "shaderClipDistance", |p| {
+        p.features.core.shader_clip_distance == TRUE
+    }),
+    (Capability::CullDistance, "shaderCullDistance", |p| {
+        p.features.core.shader_cull_distance == TRUE
+    }),
     (Capability::DrawParameters, "shaderDrawParameters", |p| {
-        p.features11.shader_draw_parameters == TRUE
+        p.features.v11.shader_draw_parameters == TRUE
     }),
-    (Capability::MultiView, "multiview", |p| p.features11.multiview == TRUE),
+    (Capability::MultiView, "multiview", |p| p.features.v11.multiview == TRUE),
     (Capability::StorageBuffer16BitAccess, "storageBuffer16BitAccess", |p| {
-        p.features11.storage_buffer16_bit_access == TRUE
+        p.features.v11.storage_buffer16_bit_access == TRUE
     }),
     (Capability::StorageBuffer8BitAccess, "storageBuffer8BitAccess", |p| {
-        p.features12.storage_buffer8_bit_access == TRUE
+        p.features.v12.storage_buffer8_bit_access == TRUE
     }),
     (Capability::PhysicalStorageBufferAddresses, "bufferDeviceAddress", |p| {
-        p.features12.buffer_device_address == TRUE
+        p.features.v12.buffer_device_address == TRUE
     }),
     (Capability::VulkanMemoryModel, "vulkanMemoryModel", |p| {
-        p.features12.vulkan_memory_model == TRUE
+        p.features.v12.vulkan_memory_model == TRUE
     }),
     (Capability::StorageImageReadWithoutFormat, "shaderStorageImageReadWithoutFormat", |p| {
-        p.features.shader_storage_image_read_without_format == TRUE
+        p.features.core.shader_storage_image_read_without_format == TRUE
     }),
     (Capability::StorageImageWriteWithoutFormat, "shaderStorageImageWriteWithoutFormat", |p| {
-        p.features.shader_storage_image_write_without_format == TRUE
+        p.features.core.shader_storage_image_write_without_format == TRUE
     }),
     (Capability::StorageImageExtendedFormats, "shaderStorageImageExtendedFormats", |p| {
-        p.features.shader_storage_image_extended_formats == TRUE
+        p.features.core.shader_storage_image_extended_formats == TRUE
     }),
     (Capability::StorageImageMultisample, "shaderStorageImageMultisample", |p| {
-        p.features.shader_storage_image_multisample == TRUE
+        p.features.core.shader_storage_image_multisample == TRUE
     }),
-    (Capability::MinLod, "shaderResourceMinLod", |p| p.features.shader_resource_min_lod == TRUE),
+    (Capability::MinLod, "shaderResourceMinLod", |p| {
+        p.features.core.shader_resource_min_lod == TRUE
+    }),
     (Capability::InterpolationFunction, "sampleRateShading", |p| {
-        p.features.sample_rate_shading == TRUE
+        p.features.core.sample_rate_shading == TRUE
     }),
     (Capability::DotProduct, "shaderIntegerDotProduct", |p| {
-        p.features13.shader_integer_dot_product == TRUE
+        p.features.v13.shader_integer_dot_product == TRUE
     }),
     (Capability::GroupNonUniformShuffleRelative, "relative shuffles of subgroups", |p| {
         subgroups(p, SubgroupFeatureFlags::SHUFFLE_RELATIVE)

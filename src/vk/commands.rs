@@ -20,7 +20,8 @@ pub(crate) struct Commands {
     gpu: Gpu,
     pub label: String,
     pub raw: vk::CommandBuffer,
-    pool: vk::CommandPool,
+    /// Our own command buffer and its pool, once there was use for them. `raw` is another one if it is the caller's.
+    own: Option<(vk::CommandPool, vk::CommandBuffer)>,
     pools: Vec<Pool>,
     /// Pools that are in use; sets and descriptors that are left in the last of them.
     pools_used: usize,
@@ -80,18 +81,13 @@ const LABEL_BYTES: usize = 64;
 const QUERIES: u32 = 256;
 
 impl Commands {
-    pub fn new(gpu: &Gpu, label: &str) -> Result<Self> {
-        let device = &gpu.0.device;
-        let what = format!("preparing to record `{label}`");
-        let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.0.family);
-        // SAFETY: the device is alive; `Commands` owns the pool from here on.
-        let pool = unsafe { device.create_command_pool(&info, None) }
-            .map_err(|e| gpu.failure(&what, e))?;
+    /// Commands that are recorded into `borrowed`, or into a command buffer of their own.
+    pub fn new(gpu: &Gpu, label: &str, borrowed: Option<vk::CommandBuffer>) -> Result<Self> {
         let mut commands = Self {
             gpu: gpu.clone(),
             label: label.to_string(),
             raw: vk::CommandBuffer::null(),
-            pool,
+            own: None,
             pools: Vec::new(),
             pools_used: 0,
             left: (0, 0),
@@ -104,26 +100,53 @@ impl Commands {
             lists: Lists::default(),
             state: Arc::default(),
         };
-        let info =
-            vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-        // SAFETY: the pool is new and used by this thread only.
-        let raw = unsafe { device.allocate_command_buffers(&info) };
-        commands.raw = raw.map_err(|e| gpu.failure(&what, e))?[0];
-        commands.begin()?;
+        commands.begin(borrowed)?;
         Ok(commands)
     }
 
-    /// Forgets all commands, and begins anew with the same pools. Nothing of it is running.
-    pub(super) fn restart(&mut self, label: &str) -> Result<()> {
+    /// Our own command buffer, which is made if there is none yet.
+    fn own_buffer(&mut self) -> Result<vk::CommandBuffer> {
+        if let Some((_, raw)) = self.own {
+            return Ok(raw);
+        }
+        let device = &self.gpu.0.device;
+        let failure = |e| self.gpu.failure(&format!("preparing to record `{}`", self.label), e);
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(self.gpu.0.family);
+        // SAFETY: the device is alive; `Commands` owns the pool from here on.
+        let pool = unsafe { device.create_command_pool(&info, None) }.map_err(failure)?;
+        let info =
+            vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        // SAFETY: the pool is new and used by this thread only.
+        match unsafe { device.allocate_command_buffers(&info) } {
+            Ok(buffers) => {
+                self.own = Some((pool, buffers[0]));
+                Ok(buffers[0])
+            }
+            Err(e) => {
+                // SAFETY: nothing came from the pool.
+                unsafe { device.destroy_command_pool(pool, None) };
+                Err(failure(e))
+            }
+        }
+    }
+
+    /// Forgets all commands, and begins anew with the same pools, as [`Commands::new`] does. Nothing of it is running.
+    pub(super) fn restart(
+        &mut self,
+        label: &str,
+        borrowed: Option<vk::CommandBuffer>,
+    ) -> Result<()> {
         if self.label != label {
             self.label = label.to_string();
         }
         let device = &self.gpu.0.device;
         // SAFETY: nothing that came from the pools is running, and nobody else has it.
         unsafe {
-            device
-                .reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty())
-                .map_err(|e| self.gpu.failure(&self.what(), e))?;
+            if let Some((pool, _)) = self.own {
+                device
+                    .reset_command_pool(pool, vk::CommandPoolResetFlags::empty())
+                    .map_err(|e| self.gpu.failure(&self.what(), e))?;
+            }
             for pool in &self.pools[..self.pools_used] {
                 device
                     .reset_descriptor_pool(pool.raw, vk::DescriptorPoolResetFlags::empty())
@@ -135,10 +158,15 @@ impl Commands {
         self.stages.clear();
         self.time_stages = false;
         self.constants.reset();
-        self.begin()
+        self.begin(borrowed)
     }
 
-    fn begin(&mut self) -> Result<()> {
+    fn begin(&mut self, borrowed: Option<vk::CommandBuffer>) -> Result<()> {
+        if let Some(raw) = borrowed {
+            (self.raw, self.queries) = (raw, 0);
+            return Ok(());
+        }
+        self.raw = self.own_buffer()?;
         let info = vk::CommandBufferBeginInfo::default();
         // SAFETY: the command buffer is new or was reset.
         unsafe { self.gpu.0.device.begin_command_buffer(self.raw, &info) }
@@ -153,6 +181,11 @@ impl Commands {
             self.timestamp(start);
         }
         Ok(())
+    }
+
+    /// Whether they are in our own command buffer.
+    pub(super) fn is_own(&self) -> bool {
+        self.own.is_some_and(|(_, own)| own == self.raw)
     }
 
     /// What it does, for messages.
@@ -353,11 +386,12 @@ impl Commands {
         }
     }
 
-    /// Makes everything visible to the host and ends the command buffer.
+    /// Makes everything visible to what follows and to the host. Ends the command buffer, unless it is the caller's.
     pub(super) fn end(&self) -> Result<()> {
         self.state.fetch_add(1, Ordering::Relaxed);
         self.barrier();
-        if self.gpu.0.timestamps.is_some() {
+        let is_own = self.is_own();
+        if is_own && self.gpu.0.timestamps.is_some() {
             self.timestamp(1);
         }
         let barrier = [vk::MemoryBarrier2::default()
@@ -369,7 +403,10 @@ impl Commands {
         // SAFETY: the command buffer is being recorded.
         unsafe {
             self.gpu.0.device.cmd_pipeline_barrier2(self.raw, &info);
-            self.gpu.0.device.end_command_buffer(self.raw)
+            match is_own {
+                true => self.gpu.0.device.end_command_buffer(self.raw),
+                false => Ok(()),
+            }
         }
         .map_err(|e| self.gpu.failure(&format!("recording `{}`", self.label), e))
     }
@@ -406,7 +443,9 @@ impl Drop for Commands {
             for pool in self.query_pools.drain(..) {
                 device.destroy_query_pool(pool, None);
             }
-            device.destroy_command_pool(self.pool, None);
+            if let Some((pool, _)) = self.own {
+                device.destroy_command_pool(pool, None);
+            }
         }
     }
 }

@@ -172,21 +172,27 @@ pub(super) fn pick(
     let offers = |c: &Candidate| std::cmp::Reverse(c.info.optional.len());
     all.sort_by_key(|c| (!c.info.missing.is_empty(), c.info.kind, offers(c)));
     let best = all.swap_remove(0);
-    if best.info.missing.is_empty() {
-        return Ok(best);
+    check(&best.info, false)?;
+    Ok(best)
+}
+
+/// Refuses a device that does not meet all requirements, by what it offers or, if it was `opened`, by what is enabled.
+pub(super) fn check(info: &DeviceInfo, opened: bool) -> Result<()> {
+    if info.missing.is_empty() {
+        return Ok(());
     }
-    let faults: Vec<_> = best
-        .info
-        .missing
-        .iter()
-        .map(|m| format!("{} ({}): it {}", m.name, m.why, m.found))
-        .collect();
-    Err(Error::Device(format!(
-        "{} cannot be used, it lacks {}; choose another device (`tilewright devices` lists them) \
-         or install a newer driver",
-        best.info,
-        faults.join("; ")
-    )))
+    let faults = info.missing.iter().map(|m| format!("{} ({}): it {}", m.name, m.why, m.found));
+    let faults = faults.collect::<Vec<_>>().join("; ");
+    Err(Error::Device(match opened {
+        true => format!(
+            "{info} cannot be used, it was opened without {faults}; add what is missing to the \
+             `VkDeviceCreateInfo`, as `vk::Enable` does"
+        ),
+        false => format!(
+            "{info} cannot be used, it lacks {faults}; choose another device (`tilewright devices` \
+             lists them) or install a newer driver"
+        ),
+    }))
 }
 
 fn list_of(all: &[Candidate]) -> String {
@@ -234,7 +240,7 @@ fn glob(pattern: &[u8], text: &[u8]) -> bool {
     pattern[p..].iter().all(|&c| c == b'*')
 }
 
-fn describe(index: usize, probe: &Probe) -> DeviceInfo {
+pub(super) fn describe(index: usize, probe: &Probe) -> DeviceInfo {
     let p = &probe.properties;
     let version = p.api_version;
     let text = |s: std::result::Result<&std::ffi::CStr, _>| match s {

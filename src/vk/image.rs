@@ -1,6 +1,7 @@
 //! Images: sampled textures, storage images and attachments.
 
 use super::{
+    adopt::CallerImage,
     gpu::{Gpu, Shared},
     owner::same_device,
     recorder::Recorder,
@@ -57,7 +58,13 @@ pub(crate) struct RawImage {
     pub format: Format,
     pub levels: u32,
     pub usage: ImageUse,
+    /// What Vulkan lets commands do with it.
+    flags: vk::ImageUsageFlags,
+    /// The layout between recordings.
+    layout: vk::ImageLayout,
     allocation: Option<Allocation>,
+    /// Whether it is the caller's.
+    adopted: bool,
     pub(super) gpu: Arc<Shared>,
 }
 
@@ -71,14 +78,8 @@ impl Image {
     /// but does not draw: Vulkan lets such a device copy no depth.
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", info.name, info.extent);
-        let depth = info.format == Format::D32Float;
         let attached = info.usage == ImageUse::Attachment && gpu.has_graphics();
-        if depth && !gpu.has_graphics() {
-            return Err(Error::Device(format!(
-                "{what} cannot be made on {}, which has no queue that both draws and computes: depth images need one",
-                gpu.name()
-            )));
-        }
+        RawImage::check_queue(gpu, &what, info.format)?;
         let (side, of) = match attached {
             true => (gpu.limits().target_side_px, "targets"),
             false => (gpu.limits().image_side_px, "images"),
@@ -89,29 +90,15 @@ impl Image {
                 gpu.name()
             )));
         }
-        if info.extent.width.min(info.extent.height) == 0 {
-            return Err(Error::Usage(format!(
-                "{what} has a side without pixels: each side has at least one"
-            )));
-        }
-        let most = info.extent.width.max(info.extent.height).ilog2() + 1;
-        if !(1..=most).contains(&info.levels) {
-            return Err(Error::Usage(format!(
-                "{what} cannot have {} levels: an image of this size has 1 to {most}",
-                info.levels
-            )));
-        }
+        RawImage::check_size(&what, info.extent, info.levels)?;
         let shared = gpu.0.clone();
-        let transfer = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
-        let mut usage = match info.usage {
+        let mut flags = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        flags |= match info.usage {
             ImageUse::Sampled | ImageUse::Attachment => vk::ImageUsageFlags::SAMPLED,
             ImageUse::Storage => vk::ImageUsageFlags::STORAGE,
         };
         if attached {
-            usage |= match depth {
-                true => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-                false => vk::ImageUsageFlags::COLOR_ATTACHMENT,
-            };
+            flags |= attachment_flag(info.format);
         }
         let create = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
@@ -121,7 +108,7 @@ impl Image {
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
             .tiling(vk::ImageTiling::OPTIMAL)
-            .usage(usage | transfer)
+            .usage(flags)
             .sharing_mode(vk::SharingMode::EXCLUSIVE)
             .initial_layout(vk::ImageLayout::UNDEFINED);
         // SAFETY: the device is alive; `RawImage` owns the handle from here on.
@@ -136,7 +123,15 @@ impl Image {
             format: info.format,
             levels: info.levels,
             usage: info.usage,
+            flags,
+            layout: match info.usage {
+                ImageUse::Sampled | ImageUse::Attachment => {
+                    vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL
+                }
+                ImageUse::Storage => vk::ImageLayout::GENERAL,
+            },
             allocation: None,
+            adopted: false,
             gpu: shared.clone(),
         };
         // SAFETY: `handle` is alive and not yet bound; the memory was allocated for it.
@@ -150,22 +145,8 @@ impl Image {
                 .device
                 .bind_image_memory(handle, memory, offset)
                 .map_err(|e| shared.failure(&format!("binding memory of {what}"), e))?;
-            let view_of = |range| {
-                let view = vk::ImageViewCreateInfo::default()
-                    .image(handle)
-                    .view_type(vk::ImageViewType::TYPE_2D)
-                    .format(vk_format(info.format))
-                    .subresource_range(range);
-                shared
-                    .device
-                    .create_image_view(&view, None)
-                    .map_err(|e| shared.failure(&format!("creating the view of {what}"), e))
-            };
-            raw.view = view_of(raw.range())?;
-            if attached && info.levels > 1 {
-                raw.first_level = Some(view_of(raw.range().level_count(1))?);
-            }
         }
+        raw.make_views()?;
         shared.set_name(handle, info.name);
         let image = Self(Arc::new(raw));
         if info.usage == ImageUse::Attachment {
@@ -244,6 +225,127 @@ impl std::fmt::Debug for Image {
 }
 
 impl RawImage {
+    /// An image of the caller.
+    ///
+    /// # Safety
+    /// The image belongs to the device and was created with what `image` says.
+    pub unsafe fn adopted(gpu: &Gpu, image: &CallerImage<'_>) -> Result<Self> {
+        let mut raw = Self {
+            handle: image.image,
+            view: vk::ImageView::null(),
+            first_level: None,
+            name: image.name.to_string(),
+            extent: image.extent,
+            format: image.format,
+            levels: image.levels,
+            usage: ImageUse::Attachment,
+            flags: image.usage,
+            layout: image.layout,
+            allocation: None,
+            adopted: true,
+            gpu: gpu.0.clone(),
+        };
+        raw.make_views()?;
+        Ok(raw)
+    }
+
+    /// Refuses sizes that no image has.
+    pub fn check_size(what: &str, extent: Extent, levels: u32) -> Result<()> {
+        if extent.width.min(extent.height) == 0 {
+            return Err(Error::Usage(format!(
+                "{what} has a side without pixels: each side has at least one"
+            )));
+        }
+        let most = extent.width.max(extent.height).ilog2() + 1;
+        if !(1..=most).contains(&levels) {
+            return Err(Error::Usage(format!(
+                "{what} cannot have {levels} levels: an image of this size has 1 to {most}"
+            )));
+        }
+        Ok(())
+    }
+
+    /// Refuses depth images where the queue does not draw.
+    pub fn check_queue(gpu: &Gpu, what: &str, format: Format) -> Result<()> {
+        if format == Format::D32Float && !gpu.has_graphics() {
+            return Err(Error::Device(format!(
+                "{what} cannot be made on {}, which has no queue that both draws and computes: depth images need one",
+                gpu.name()
+            )));
+        }
+        Ok(())
+    }
+
+    /// Makes the views that commands need.
+    fn make_views(&mut self) -> Result<()> {
+        let view_of = |range| {
+            let view = vk::ImageViewCreateInfo::default()
+                .image(self.handle)
+                .view_type(vk::ImageViewType::TYPE_2D)
+                .format(vk_format(self.format))
+                .subresource_range(range);
+            // SAFETY: the image is alive, has its memory, and has these levels.
+            let view = unsafe { self.gpu.device.create_image_view(&view, None) };
+            view.map_err(|e| {
+                let what = format!("creating the view of image `{}` ({})", self.name, self.extent);
+                self.gpu.failure(&what, e)
+            })
+        };
+        let attached = self.flags.contains(attachment_flag(self.format));
+        // Vulkan makes no views of images that are only copied.
+        let in_shaders = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::STORAGE;
+        if attached || self.flags.intersects(in_shaders) {
+            self.view = view_of(self.range())?;
+        }
+        if attached && self.levels > 1 {
+            self.first_level = Some(view_of(self.range().level_count(1))?);
+        }
+        Ok(())
+    }
+
+    /// Refuses commands that the image was not created for, which are those that `use` it.
+    pub fn check_flags(&self, flags: vk::ImageUsageFlags, used: &str) -> Result<()> {
+        let missing = flags & !self.flags;
+        match missing.is_empty() {
+            true => Ok(()),
+            false => Err(Error::Usage(format!(
+                "image `{}` cannot be {used}: it was created without the usage {missing:?}",
+                self.name
+            ))),
+        }
+    }
+
+    /// Refuses to sample an image that shaders may not sample.
+    pub fn check_sampled(&self) -> Result<()> {
+        self.check_flags(vk::ImageUsageFlags::SAMPLED, "sampled")?;
+        match self.layout {
+            vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL
+            | vk::ImageLayout::READ_ONLY_OPTIMAL
+            | vk::ImageLayout::GENERAL => Ok(()),
+            layout => Err(Error::Usage(format!(
+                "image `{}` cannot be sampled: it is in the layout {layout:?}, and shaders sample images in \
+                 SHADER_READ_ONLY_OPTIMAL, READ_ONLY_OPTIMAL or GENERAL",
+                self.name
+            ))),
+        }
+    }
+
+    /// Refuses to load from an image or to store to it, if it was not created for that.
+    pub fn check_copied(&self, loads: bool, stores: bool) -> Result<()> {
+        if loads {
+            self.check_flags(vk::ImageUsageFlags::TRANSFER_SRC, "loaded or downloaded")?;
+        }
+        if stores {
+            self.check_flags(vk::ImageUsageFlags::TRANSFER_DST, "stored to or uploaded")?;
+        }
+        Ok(())
+    }
+
+    /// Refuses to attach an image that the device cannot draw to.
+    pub fn check_attached(&self) -> Result<()> {
+        self.check_flags(attachment_flag(self.format), "drawn to by the device itself")
+    }
+
     pub fn aspect(&self) -> vk::ImageAspectFlags {
         match self.format {
             Format::D32Float => vk::ImageAspectFlags::DEPTH,
@@ -282,10 +384,7 @@ impl RawImage {
 
     /// The layout between recordings, in which shaders find it.
     pub fn shader_layout(&self) -> vk::ImageLayout {
-        match self.usage {
-            ImageUse::Sampled | ImageUse::Attachment => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
-            ImageUse::Storage => vk::ImageLayout::GENERAL,
-        }
+        self.layout
     }
 }
 
@@ -295,7 +394,9 @@ impl Drop for RawImage {
         unsafe {
             self.gpu.device.destroy_image_view(self.view, None);
             self.gpu.device.destroy_image_view(self.first_level.unwrap_or_default(), None);
-            self.gpu.device.destroy_image(self.handle, None);
+            if !self.adopted {
+                self.gpu.device.destroy_image(self.handle, None);
+            }
         }
         if let Some(allocation) = self.allocation.take() {
             self.gpu.free(allocation);
@@ -307,6 +408,16 @@ impl Drop for RawImage {
 pub(crate) fn level_extent(extent: Extent, level: u32) -> Extent {
     let shrink = |n: u32| n.checked_shr(level).unwrap_or(0).max(1);
     Extent::new(shrink(extent.width), shrink(extent.height))
+}
+
+/// The usage of an image that the device draws to itself.
+fn attachment_flag(format: Format) -> vk::ImageUsageFlags {
+    match format {
+        Format::D32Float => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+        Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
+            vk::ImageUsageFlags::COLOR_ATTACHMENT
+        }
+    }
 }
 
 pub(crate) fn vk_format(format: Format) -> vk::Format {

@@ -58,9 +58,13 @@ const FILTERED: &[Filtered] = &[
 /// Warnings and errors that the validation layer reported, in order.
 pub(super) type Messages = Arc<Mutex<Vec<String>>>;
 
-/// The instance. Destroyed on drop, after everything that was made from it.
+/// The instance. If it is ours, it is destroyed on drop, after everything that was made from it.
 pub(super) struct Instance {
     pub raw: ash::Instance,
+    /// Whether it is the caller's.
+    adopted: bool,
+    /// Whether objects get names, for the messages of the validation layer and for captures.
+    pub names: bool,
     /// Whether `VK_EXT_debug_utils` is on: labels and names cost nothing without a listener.
     pub debug_utils: bool,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
@@ -170,7 +174,13 @@ impl Instance {
         } else {
             None
         };
-        Ok(Self { raw, debug_utils, messenger, messages })
+        Ok(Self { raw, adopted: false, names: validation, debug_utils, messenger, messages })
+    }
+
+    /// An instance of the caller, which has `VK_EXT_debug_utils` on if `debug_utils` says so.
+    pub fn adopted(raw: ash::Instance, debug_utils: bool) -> Self {
+        let messages = Messages::default();
+        Self { raw, adopted: true, names: debug_utils, debug_utils, messenger: None, messages }
     }
 }
 
@@ -188,7 +198,9 @@ impl Drop for Instance {
             if let Some((loader, messenger)) = self.messenger.take() {
                 loader.destroy_debug_utils_messenger(messenger, None);
             }
-            self.raw.destroy_instance(None);
+            if !self.adopted {
+                self.raw.destroy_instance(None);
+            }
         }
     }
 }

@@ -68,13 +68,13 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         vertex_outputs: l.max_vertex_output_components / 4,
         fragment_inputs: l.max_fragment_input_components / 4,
         fragment_outputs: l.max_fragment_output_attachments,
-        commands: match probe.features.multi_draw_indirect == vk::TRUE
-            && probe.features.draw_indirect_first_instance == vk::TRUE
+        commands: match probe.features.core.multi_draw_indirect == vk::TRUE
+            && probe.features.core.draw_indirect_first_instance == vk::TRUE
         {
             true => l.max_draw_indirect_count,
             false => 0,
         },
-        counts_commands: probe.features12.draw_indirect_count == vk::TRUE,
+        counts_commands: probe.features.v12.draw_indirect_count == vk::TRUE,
     }
 }
 

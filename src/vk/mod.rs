@@ -6,7 +6,8 @@
 //! | `requirements` | required and optional features of a device, as data |
 //! | `capability` | SPIR-V capabilities that a device may lack |
 //! | `device` | listing devices and picking one |
-//! | `gpu`, `limits` | the opened device: queue, memory, layouts, caches; its limits |
+//! | `features` | the features of Vulkan, as its versions have them |
+//! | `open`, `gpu`, `limits` | opening a device; its queue, memory, layouts, caches; its limits |
 //! | `owner` | which device a handle belongs to: those of two devices are not mixed |
 //! | `access` | turns of host and device: neither touches memory that the other one is using |
 //! | `buffer`, `image`, `sampler` | resources; each is freed when its last user lets go |
@@ -16,6 +17,7 @@
 //! | `resources` | host data uploaded once, recognised by the identity of its `Arc` |
 //! | `copies` | copies of the host data that the shaders of a pass write |
 //! | `inherited` | whether there is a standard output, and a limit of memory |
+//! | `adopt`, `enable` | what the caller made: a device, its resources, its command buffers |
 //! | `doctor`, `drivers` | the state of Vulkan on this machine, its faults and the exact fixes |
 //!
 //! # Synchronisation
@@ -40,6 +42,7 @@
 
 mod access;
 mod address;
+mod adopt;
 mod arena;
 mod buffer;
 mod cache;
@@ -49,13 +52,16 @@ mod copies;
 mod device;
 mod doctor;
 mod drivers;
+mod enable;
 pub(crate) mod error;
+mod features;
 mod gpu;
 mod image;
 mod inherited;
 mod instance;
 mod kernel;
 mod limits;
+mod open;
 mod owner;
 mod placeholder;
 mod recorder;
@@ -68,16 +74,23 @@ mod table;
 mod table_sizes;
 mod transfer;
 
+/// The crate of the types of Vulkan that [`Gpu::adopt`] and its like take, in the version that they are of.
+pub use ash;
+
+pub use adopt::{CallerBuffer, CallerCommands, CallerDevice, CallerImage};
 pub(crate) use arena::Arena;
 pub use buffer::{Buffer, Memory};
 pub(crate) use copies::Copies;
 pub use device::{DeviceInfo, DeviceKind, QueueInfo, Require, devices};
 pub use doctor::{Doctor, Finding, Severity, doctor};
 pub use drivers::DriverFile;
-pub use gpu::{Gpu, GpuOptions};
+pub use enable::Enable;
+pub use features::Feature;
+pub use gpu::Gpu;
 pub use image::{Image, ImageInfo, ImageUse};
 pub use kernel::{Kernel, KernelInfo};
 pub use limits::Limits;
+pub use open::GpuOptions;
 pub use recorder::{Dispatch, Recorder};
 pub use recording::{Recording, Submission, Timings};
 pub use requirements::{Missing, OPTIONAL, Optional, REQUIREMENTS, Requirement};

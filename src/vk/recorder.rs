@@ -9,6 +9,7 @@
 
 use super::{
     address::BLOCK_BYTES,
+    adopt::CallerCommands,
     buffer::{Buffer, RawBuffer},
     commands::Commands,
     gpu::Gpu,
@@ -76,17 +77,30 @@ impl Recorder {
     /// # Errors
     /// [`Error::Full`] without memory for commands, as for everything that records.
     pub fn new(gpu: &Gpu, label: &str) -> Result<Self> {
-        let (gpu, commands) = (gpu.clone(), Commands::new(gpu, label)?);
+        let (gpu, commands) = (gpu.clone(), Commands::new(gpu, label, None)?);
         Ok(Self { gpu, commands, group: None })
     }
 
-    /// An empty recording with the memory of `before`, whose commands are forgotten. Waits for the end of its run.
+    /// An empty recording into a command buffer of the caller. What it returns when it is finished cannot be run.
+    pub(crate) fn borrowing(gpu: &Gpu, label: &str, commands: &CallerCommands) -> Result<Self> {
+        same_device(&commands.gpu, gpu)?;
+        let (gpu, commands) = (gpu.clone(), Commands::new(gpu, label, Some(commands.raw))?);
+        Ok(Self { gpu, commands, group: None })
+    }
+
+    /// An empty recording with the memory of `before`, whose commands are forgotten. Waits for the end of its run. It is
+    /// recorded into a command buffer of the caller, if there is one ([`Recorder::borrowing`]).
     ///
     /// # Errors
     /// As [`Recorder::new`] and [`Recording::wait`].
-    pub(crate) fn instead_of(before: Recording, label: &str) -> Result<Self> {
+    pub(crate) fn instead_of(
+        before: Recording,
+        label: &str,
+        borrowed: Option<&CallerCommands>,
+    ) -> Result<Self> {
         let (gpu, mut commands) = before.into_parts()?;
-        commands.restart(label)?;
+        borrowed.map(|borrowed| same_device(&borrowed.gpu, &gpu)).transpose()?;
+        commands.restart(label, borrowed.map(|borrowed| borrowed.raw))?;
         Ok(Self { gpu, commands, group: None })
     }
 

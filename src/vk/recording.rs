@@ -92,6 +92,11 @@ impl Recording {
         let Some(commands) = self.commands.as_ref().filter(|_| !shared.is_lost()) else {
             return Err(shared.lost_before());
         };
+        if !commands.is_own() {
+            return Err(Error::Usage(
+                "a command buffer of the caller is submitted by the caller".into(),
+            ));
+        }
         // SAFETY: the recording is complete and not running: every start waits for the last one, and `&mut self` keeps
         // others away. All that it refers to is kept in `commands`.
         match unsafe { shared.submit(commands.raw) } {
@@ -150,6 +155,12 @@ impl Submission {
     /// Whether it has ended. On a device that was lost, nothing is at work, and [`Submission::wait`] tells of the loss.
     pub fn is_done(&self) -> bool {
         self.gpu.0.completed() >= self.ends_at || self.gpu.0.is_lost()
+    }
+
+    /// The semaphore of the device that counts submissions, and its value when this one has ended: for submissions of the
+    /// caller that come after it, on a device of the caller ([`super::Gpu::adopt`]).
+    pub fn vulkan(&self) -> (vk::Semaphore, u64) {
+        (self.gpu.0.timeline, self.ends_at)
     }
 
     /// Waits for its end, at most as long as [`super::GpuOptions::timeout`].

@@ -4,6 +4,7 @@
 //! extension. Everything on it is in Vulkan 1.3 and is offered by every desktop driver since 2022 and
 //! by both CPU drivers.
 
+use super::features::{Feature, Features, named};
 use ash::vk;
 
 /// The properties of a physical device, read before it is opened; plain copies, no chains.
@@ -13,15 +14,14 @@ pub(super) struct Probe {
     pub vulkan11: vk::PhysicalDeviceVulkan11Properties<'static>,
     pub vulkan12: vk::PhysicalDeviceVulkan12Properties<'static>,
     pub vulkan13: vk::PhysicalDeviceVulkan13Properties<'static>,
-    pub features: vk::PhysicalDeviceFeatures,
-    pub features11: vk::PhysicalDeviceVulkan11Features<'static>,
-    pub features12: vk::PhysicalDeviceVulkan12Features<'static>,
-    pub features13: vk::PhysicalDeviceVulkan13Features<'static>,
+    /// Those that it offers or, of a device that was opened, those that are enabled.
+    pub features: Features,
     pub memory: vk::PhysicalDeviceMemoryProperties,
     pub queues: Vec<vk::QueueFamilyProperties>,
+    /// Extensions that it offers or, of a device that was opened, those that are enabled.
     pub extensions: Vec<String>,
-    /// `computeDerivativeGroupLinear`.
-    pub derivatives: bool,
+    /// Whether `features` and `extensions` are those that are enabled.
+    pub opened: bool,
 }
 
 // SAFETY: the only pointers are the structures' `p_next`, which are null.
@@ -35,7 +35,9 @@ pub struct Requirement {
     pub name: &'static str,
     /// Why the engine needs it.
     pub why: &'static str,
-    /// `Some` says what the device offers instead, and the fix where there is one.
+    /// The features of Vulkan that belong to it: they are enabled when the device is opened.
+    pub features: &'static [Feature],
+    /// What else belongs to it. `Some` says what the device offers instead, and the fix where there is one.
     check: fn(&Probe) -> Option<String>,
 }
 
@@ -45,6 +47,9 @@ pub struct Optional {
     pub name: &'static str,
     /// The engine's use of it, and the replacement without it.
     pub why: &'static str,
+    /// The features of Vulkan that belong to it: they are enabled when the device is opened.
+    pub features: &'static [Feature],
+    /// What else belongs to it.
     check: fn(&Probe) -> bool,
 }
 
@@ -75,6 +80,7 @@ pub const REQUIREMENTS: &[Requirement] = &[
     Requirement {
         name: "Vulkan 1.3",
         why: "the base of everything below",
+        features: &[],
         check: |p| {
             let version = p.properties.api_version;
             (version < vk::API_VERSION_1_3).then(|| {
@@ -89,6 +95,7 @@ pub const REQUIREMENTS: &[Requirement] = &[
     Requirement {
         name: "a lavapipe of Mesa 23 or newer",
         why: "older ones stop loops after 65,535 iterations without a word",
+        features: &[],
         check: |p| {
             if p.vulkan12.driver_id != vk::DriverId::MESA_LLVMPIPE {
                 return None;
@@ -105,6 +112,7 @@ pub const REQUIREMENTS: &[Requirement] = &[
     Requirement {
         name: "a compute queue",
         why: "the kernels run on it",
+        features: &[],
         check: |p| {
             let compute = |q: &vk::QueueFamilyProperties| {
                 q.queue_count > 0 && q.queue_flags.contains(vk::QueueFlags::COMPUTE)
@@ -115,43 +123,66 @@ pub const REQUIREMENTS: &[Requirement] = &[
     Requirement {
         name: "scalarBlockLayout",
         why: "host structures and kernels agree byte for byte",
-        check: |p| feature(p.features12.scalar_block_layout),
+        features: &[named!("scalarBlockLayout", v12.scalar_block_layout)],
+        check: nothing_else,
     },
     Requirement {
         name: "runtimeDescriptorArray",
         why: "all resources of users' shaders live in one table",
-        check: |p| feature(p.features12.runtime_descriptor_array),
+        features: &[named!("runtimeDescriptorArray", v12.runtime_descriptor_array)],
+        check: nothing_else,
     },
     Requirement {
         name: "descriptorBindingPartiallyBound",
         why: "the table is filled as far as a pass needs",
-        check: |p| feature(p.features12.descriptor_binding_partially_bound),
+        features: &[named!(
+            "descriptorBindingPartiallyBound",
+            v12.descriptor_binding_partially_bound
+        )],
+        check: nothing_else,
     },
     Requirement {
         name: "descriptorBinding*UpdateAfterBind for sampled images, storage images, storage buffers",
         why: "the table is larger than the limits of ordinary sets",
-        check: |p| {
-            feature(
-                p.features12.descriptor_binding_sampled_image_update_after_bind
-                    & p.features12.descriptor_binding_storage_image_update_after_bind
-                    & p.features12.descriptor_binding_storage_buffer_update_after_bind,
-            )
-        },
+        features: &[
+            named!(
+                "descriptorBindingSampledImageUpdateAfterBind",
+                v12.descriptor_binding_sampled_image_update_after_bind
+            ),
+            named!(
+                "descriptorBindingStorageImageUpdateAfterBind",
+                v12.descriptor_binding_storage_image_update_after_bind
+            ),
+            named!(
+                "descriptorBindingStorageBufferUpdateAfterBind",
+                v12.descriptor_binding_storage_buffer_update_after_bind
+            ),
+        ],
+        check: nothing_else,
     },
     Requirement {
         name: "non-uniform indexing of sampled images, storage images, storage buffers",
         why: "neighbouring pixels may belong to different draws",
-        check: |p| {
-            feature(
-                p.features12.shader_sampled_image_array_non_uniform_indexing
-                    & p.features12.shader_storage_image_array_non_uniform_indexing
-                    & p.features12.shader_storage_buffer_array_non_uniform_indexing,
-            )
-        },
+        features: &[
+            named!(
+                "shaderSampledImageArrayNonUniformIndexing",
+                v12.shader_sampled_image_array_non_uniform_indexing
+            ),
+            named!(
+                "shaderStorageImageArrayNonUniformIndexing",
+                v12.shader_storage_image_array_non_uniform_indexing
+            ),
+            named!(
+                "shaderStorageBufferArrayNonUniformIndexing",
+                v12.shader_storage_buffer_array_non_uniform_indexing
+            ),
+        ],
+        check: nothing_else,
     },
     Requirement {
         name: "subgroup basic, vote, arithmetic, ballot, shuffle and quad operations in compute",
         why: "a subgroup works on one bin and its quads share derivatives",
+        features: &[],
         check: |p| {
             let operations = p.vulkan11.subgroup_supported_operations;
             let compute =
@@ -163,6 +194,7 @@ pub const REQUIREMENTS: &[Requirement] = &[
     Requirement {
         name: "subgroups of 4 to 128 invocations",
         why: "a quad fits a subgroup and a ballot fits four words",
+        features: &[],
         check: |p| {
             let (min, max) = (p.vulkan13.min_subgroup_size, p.vulkan13.max_subgroup_size);
             let size = p.vulkan11.subgroup_size;
@@ -173,28 +205,49 @@ pub const REQUIREMENTS: &[Requirement] = &[
     Requirement {
         name: "subgroupSizeControl and computeFullSubgroups",
         why: "lanes 4m to 4m+3 are a quad only in a full subgroup",
-        check: |p| {
-            feature(p.features13.subgroup_size_control & p.features13.compute_full_subgroups)
-        },
+        features: &[
+            named!("subgroupSizeControl", v13.subgroup_size_control),
+            named!("computeFullSubgroups", v13.compute_full_subgroups),
+        ],
+        check: nothing_else,
     },
     Requirement {
         name: "synchronization2",
         why: "barriers",
-        check: |p| feature(p.features13.synchronization2),
+        features: &[named!("synchronization2", v13.synchronization2)],
+        check: nothing_else,
+    },
+    Requirement {
+        name: "timelineSemaphore",
+        why: "one semaphore counts what was submitted",
+        features: &[named!("timelineSemaphore", v12.timeline_semaphore)],
+        check: nothing_else,
+    },
+    Requirement {
+        name: "robustBufferAccess",
+        why: "shaders that index beyond a block reach no other memory",
+        features: &[named!("robustBufferAccess", core.robust_buffer_access)],
+        check: nothing_else,
     },
     Requirement {
         name: "maintenance4",
         why: "workgroup sizes by specialization, limits of buffers",
-        check: |p| feature(p.features13.maintenance4),
+        features: &[named!("maintenance4", v13.maintenance4)],
+        check: nothing_else,
     },
     Requirement {
         name: "shaderDemoteToHelperInvocation",
         why: "`discard` keeps derivatives defined",
-        check: |p| feature(p.features13.shader_demote_to_helper_invocation),
+        features: &[named!(
+            "shaderDemoteToHelperInvocation",
+            v13.shader_demote_to_helper_invocation
+        )],
+        check: nothing_else,
     },
     Requirement {
         name: "8 storage buffers and 128 bytes of push constants for the kernels themselves",
         why: "the buffers between stages",
+        features: &[],
         check: |p| {
             let limits = &p.properties.limits;
             (limits.max_per_stage_descriptor_storage_buffers < 16
@@ -215,27 +268,42 @@ pub const OPTIONAL: &[Optional] = &[
     Optional {
         name: "a graphics queue",
         why: "the classic executor, for comparison; compute needs none",
-        check: |p| p.graphics_family().is_some() && p.features13.dynamic_rendering == vk::TRUE,
+        features: &[named!("dynamicRendering", v13.dynamic_rendering)],
+        check: |p| p.graphics_family().is_some(),
     },
     Optional {
         name: "VK_KHR_compute_shader_derivatives",
         why: "derivatives by the device's own rule; otherwise by quad operations",
+        features: &[],
         check: |p| p.derivatives_extension().is_some(),
+    },
+    Optional {
+        name: "bufferDeviceAddress on lavapipe",
+        why: "kernels reach buffers by address, which this driver does faster; otherwise by descriptors",
+        features: &[named!("bufferDeviceAddress", v12.buffer_device_address)],
+        // Other drivers read storage blocks as well, and check bounds.
+        check: |p| p.vulkan12.driver_id == vk::DriverId::MESA_LLVMPIPE,
     },
     Optional {
         name: "shaderBufferInt64Atomics",
         why: "depth and primitive in one atomic for tiny triangles; otherwise two 32-bit passes",
-        check: |p| p.features12.shader_buffer_int64_atomics & p.features.shader_int64 == vk::TRUE,
+        features: &[
+            named!("shaderBufferInt64Atomics", v12.shader_buffer_int64_atomics),
+            named!("shaderInt64", core.shader_int64),
+        ],
+        check: |_| true,
     },
     Optional {
         name: "timestamps on the compute queue",
         why: "times per stage; otherwise only the host's clock",
+        features: &[],
         check: |p| p.properties.limits.timestamp_compute_and_graphics == vk::TRUE,
     },
 ];
 
-fn feature(value: vk::Bool32) -> Option<String> {
-    (value == vk::FALSE).then(|| "is not offered; a newer driver may".into())
+/// The features of the requirement are all that there is to check.
+fn nothing_else(_: &Probe) -> Option<String> {
+    None
 }
 
 /// The major version in `Mesa 25.0.7-2 (LLVM 15.0.6)`.
@@ -246,13 +314,19 @@ fn mesa_major(info: &str) -> Option<u32> {
 
 impl Requirement {
     pub(super) fn missing(&self, probe: &Probe) -> Option<Missing> {
-        (self.check)(probe).map(|found| Missing { name: self.name, why: self.why, found })
+        let off = self.features.iter().find(|feature| !feature.is_on(&probe.features));
+        let found = match off {
+            Some(_) if !probe.opened => Some("is not offered; a newer driver may".to_string()),
+            Some(feature) => Some(format!("has `{}` not enabled", feature.name)),
+            None => (self.check)(probe),
+        };
+        found.map(|found| Missing { name: self.name, why: self.why, found })
     }
 }
 
 impl Optional {
     pub(super) fn present(&self, probe: &Probe) -> bool {
-        (self.check)(probe)
+        self.features.iter().all(|feature| feature.is_on(&probe.features)) && (self.check)(probe)
     }
 }
 
@@ -264,7 +338,7 @@ impl Probe {
         // and is one that the queried version knows.
         unsafe {
             probe.properties = instance.get_physical_device_properties(physical);
-            probe.features = instance.get_physical_device_features(physical);
+            probe.features.core = instance.get_physical_device_features(physical);
             probe.memory = instance.get_physical_device_memory_properties(physical);
             probe.queues = instance.get_physical_device_queue_family_properties(physical);
             probe.extensions = instance
@@ -295,24 +369,22 @@ impl Probe {
             let mut features = vk::PhysicalDeviceFeatures2::default();
             if has12 {
                 features =
-                    features.push_next(&mut probe.features11).push_next(&mut probe.features12);
+                    features.push_next(&mut probe.features.v11).push_next(&mut probe.features.v12);
             }
             if has13 {
-                features = features.push_next(&mut probe.features13);
+                features = features.push_next(&mut probe.features.v13);
             }
             if derivatives_extension {
                 features = features.push_next(&mut derivatives);
             }
             instance.get_physical_device_features2(physical, &mut features);
-            probe.derivatives = derivatives.compute_derivative_group_linear == vk::TRUE;
+            probe.features.derivatives = derivatives.compute_derivative_group_linear == vk::TRUE;
         }
         // The structures are chained again at device creation: a stale link there never ends.
         probe.vulkan11.p_next = std::ptr::null_mut();
         probe.vulkan12.p_next = std::ptr::null_mut();
         probe.vulkan13.p_next = std::ptr::null_mut();
-        probe.features11.p_next = std::ptr::null_mut();
-        probe.features12.p_next = std::ptr::null_mut();
-        probe.features13.p_next = std::ptr::null_mut();
+        probe.features.unlink();
         probe
     }
 
@@ -326,13 +398,13 @@ impl Probe {
         missing.collect()
     }
 
-    /// The family that runs everything, and whether it draws too.
-    pub fn family(&self) -> Option<(u32, bool)> {
-        self.graphics_family().map(|f| (f, true)).or_else(|| {
+    /// The family that runs everything: one that draws too, if there is one.
+    pub fn family(&self) -> Option<u32> {
+        self.graphics_family().or_else(|| {
             let compute = |q: &vk::QueueFamilyProperties| {
                 q.queue_count > 0 && q.queue_flags.contains(vk::QueueFlags::COMPUTE)
             };
-            self.queues.iter().position(compute).map(|i| (i as u32, false))
+            self.queues.iter().position(compute).map(|i| i as u32)
         })
     }
 
@@ -349,12 +421,12 @@ impl Probe {
             .iter()
             .find(|name| self.extensions.iter().any(|e| e.as_bytes() == name.to_bytes()))
             .copied()
-            .filter(|_| self.derivatives)
+            .filter(|_| self.features.derivatives)
     }
 }
 
 /// The extension and the older one it was made from: same structure, same capability.
-const DERIVATIVES_EXTENSIONS: [&std::ffi::CStr; 2] =
+pub(super) const DERIVATIVES_EXTENSIONS: [&std::ffi::CStr; 2] =
     [c"VK_KHR_compute_shader_derivatives", c"VK_NV_compute_shader_derivatives"];
 
 #[cfg(test)]

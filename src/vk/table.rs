@@ -308,6 +308,9 @@ impl ResourceTable {
                 KINDS[key.0 as usize].1
             )));
         }
+        if !storage {
+            image.0.check_sampled()?;
+        }
         let gpu = self.raw.gpu.clone();
         let _turn = self.turn(&gpu)?;
         let slot = self.take(key)?;

@@ -127,6 +127,7 @@ impl Recorder {
             let (name, has, given) = (&raw.name, raw.levels, levels.len());
             return Err(Error::Usage(format!("image `{name}` has {has} levels, not {given}")));
         }
+        raw.check_copied(false, true)?;
         let total = levels.iter().map(|level| level.as_ref().len()).sum();
         let name = format!("upload of {}", raw.name);
         let staging = Buffer::<u8>::new(&self.gpu, &name, total, Memory::Upload)?;
@@ -182,6 +183,7 @@ impl Recorder {
                 raw.name, raw.format, raw.usage
             )));
         }
+        raw.check_copied(true, true)?;
         if !self.gpu.has_graphics() {
             return Err(Error::Device(format!(
                 "{} makes no mip levels of image `{}`, since it has no queue that both draws and computes: upload them",
@@ -245,6 +247,7 @@ impl Recorder {
         rows: Range<u32>,
         to: &Buffer<u8>,
     ) -> Result<()> {
+        image.0.check_copied(true, false)?;
         let region = [self.copy_of_rows(image, level, rows, to)?];
         self.barrier();
         self.transition(image, image.0.shader_layout(), READ);
@@ -268,6 +271,7 @@ impl Recorder {
         image: &Image,
         rows: Range<u32>,
     ) -> Result<()> {
+        image.0.check_copied(false, true)?;
         let region = [self.copy_of_rows(image, 0, rows, from)?];
         self.barrier();
         self.transition(image, image.0.shader_layout(), WRITTEN);

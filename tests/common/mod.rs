@@ -9,6 +9,7 @@ mod compiler;
 #[path = "../../src/shader/system.rs"]
 mod compiler;
 pub mod random;
+pub mod vulkan;
 
 use std::ops::Deref;
 use tilewright::vk::{DeviceInfo, Gpu, GpuOptions, devices};

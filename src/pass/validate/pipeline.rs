@@ -11,6 +11,18 @@ use crate::{
 use std::collections::HashSet;
 
 impl Pipeline {
+    /// Checks that the pipeline is valid: shaders that fit each other, attributes that the vertex shader reads, state that
+    /// Vulkan allows.
+    ///
+    /// Executors call it; there is no need to.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the pipeline and the fault.
+    pub fn validate(&self) -> Result<()> {
+        let fault = |fault| Error::Usage(format!("pipeline `{}`: {fault}", self.label));
+        check(self).map(drop).map_err(fault)
+    }
+
     /// The resources of both stages by (set, binding), each once, sorted. An array that both declare
     /// has the larger of the two lengths, a block the larger of the two sizes.
     ///

@@ -1,0 +1,191 @@
+//! Pipelines that are compiled before a pass needs them, if wanted by a thread.
+
+use super::{
+    Renderer,
+    kernels::{self, KernelRequest, Kernels},
+};
+use crate::{
+    error::{Error, Result},
+    format::Format,
+    pass::{Pipeline, check_color_targets},
+    plan::PipelineKernels,
+    vk::{Gpu, Kernel},
+};
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
+    thread::{self, JoinHandle},
+};
+
+/// A pipeline that was compiled. Its kernels stay as long as somebody holds this.
+#[derive(Clone)]
+pub struct Compiled {
+    _kernels: Arc<[Kernel]>,
+}
+
+/// A pipeline that a thread compiles, see [`Renderer::compile_in_background`].
+pub struct Compilation(Pending);
+
+impl Compilation {
+    /// Whether [`Compilation::wait`] returns at once.
+    pub fn is_done(&self) -> bool {
+        self.0.outcome().is_some()
+    }
+
+    /// Waits for the end.
+    ///
+    /// # Errors
+    /// As [`Renderer::compile`].
+    pub fn wait(self) -> Result<Compiled> {
+        let mut outcome = self.0.wait();
+        let Outcome { made, fault } = outcome.as_mut().expect("it has ended");
+        match fault.take() {
+            Some(fault) => Err(fault),
+            None => {
+                Ok(Compiled { _kernels: made.iter().map(|(_, kernel)| kernel.clone()).collect() })
+            }
+        }
+    }
+}
+
+impl Renderer {
+    /// Compiles `pipeline` for passes whose targets have these formats, so that the first of them finds it compiled. There is
+    /// no need to: a pass compiles what it needs.
+    ///
+    /// A kernel is known by the content of its shaders. So all pipelines that are equal share their kernels, whoever made
+    /// them. They stay as long as somebody holds what is returned, and as [`Renderer`] says otherwise.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if the pipeline contradicts itself, or if a format is not one of such a target; [`Error::Shader`] if a
+    /// shader is out of reach; [`Error::Device`] if the driver refuses a kernel.
+    pub fn compile(
+        &mut self,
+        pipeline: &Pipeline,
+        colors: &[Format],
+        depth: Option<Format>,
+    ) -> Result<Compiled> {
+        let kernels = self.kernels.get(wanted(pipeline, colors, depth)?)?;
+        Ok(Compiled { _kernels: kernels.into() })
+    }
+
+    /// As [`Renderer::compile`], by a thread. A pass that needs the pipeline before waits for the thread.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] as [`Renderer::compile`]. [`Compilation::wait`] returns the other ones.
+    pub fn compile_in_background(
+        &mut self,
+        pipeline: &Pipeline,
+        colors: &[Format],
+        depth: Option<Format>,
+    ) -> Result<Compilation> {
+        Ok(Compilation(self.kernels.start(wanted(pipeline, colors, depth)?)))
+    }
+}
+
+/// The kernels that passes with targets of these formats need for `pipeline`.
+fn wanted(
+    pipeline: &Pipeline,
+    colors: &[Format],
+    depth: Option<Format>,
+) -> Result<Vec<KernelRequest>> {
+    pipeline.validate()?;
+    check_color_targets(colors.len()).map_err(Error::Usage)?;
+    if let Some(format) = depth.filter(|format| *format != Format::D32Float) {
+        return Err(Error::Usage(format!("{format:?} is no format of a depth target")));
+    }
+    let format = kernels::color_format(colors.first().copied().unwrap_or(Format::Rgba8Unorm))?;
+    let PipelineKernels { vertex, fragment, method } =
+        PipelineKernels::of(pipeline, depth.is_some());
+    let mut wanted = vec![KernelRequest::Vertex(vertex)];
+    wanted.extend(kernels::of_method(method, fragment, format));
+    Ok(wanted)
+}
+
+/// Kernels that a thread makes. A clone stands for the same ones.
+#[derive(Clone)]
+pub(super) struct Pending(Arc<State>);
+
+struct State {
+    wanted: Vec<KernelRequest>,
+    /// `None` until the thread has ended.
+    outcome: Mutex<Option<Outcome>>,
+    ended: Condvar,
+    /// `None` once somebody has waited for it.
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+pub(super) struct Outcome {
+    pub made: Vec<(KernelRequest, Kernel)>,
+    fault: Option<Error>,
+}
+
+impl Pending {
+    /// Starts to make the kernels of `wanted` that are not among the `known` ones.
+    pub fn start(
+        (gpu, width): (&Gpu, u32),
+        wanted: Vec<KernelRequest>,
+        known: impl FnMut(&KernelRequest) -> Option<Kernel>,
+    ) -> Self {
+        let (outcome, ended, thread) = (Mutex::default(), Condvar::new(), Mutex::default());
+        let found: Vec<_> = wanted.iter().map(known).collect();
+        let pending = Self(Arc::new(State { wanted, outcome, ended, thread }));
+        let (inner, gpu) = (pending.clone(), gpu.clone());
+        let work = move || {
+            let made = catch_unwind(AssertUnwindSafe(|| {
+                kernels::make_all(&gpu, width, &inner.0.wanted, &found)
+            }));
+            let made = made.unwrap_or_else(|_| {
+                vec![Err(Error::Device(format!("{}: a kernel was not made", gpu.info())))]
+            });
+            let mut outcome = Outcome { made: Vec::new(), fault: None };
+            for (request, made) in inner.0.wanted.iter().zip(made) {
+                match made {
+                    Ok(kernel) => outcome.made.push((request.clone(), kernel)),
+                    Err(fault) => outcome.fault = outcome.fault.or(Some(fault)),
+                }
+            }
+            *inner.outcome() = Some(outcome);
+            inner.0.ended.notify_all();
+        };
+        let work = Arc::new(work);
+        let spawned = {
+            let work = work.clone();
+            thread::Builder::new().stack_size(kernels::STACK_BYTES).spawn(move || work())
+        };
+        match spawned {
+            Ok(thread) => {
+                *pending.0.thread.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread)
+            }
+            // Where the system refuses a thread, this one does its work.
+            Err(_) => work(),
+        }
+        pending
+    }
+
+    /// Whether some of the kernels are `wanted`.
+    pub fn makes(&self, wanted: &[KernelRequest]) -> bool {
+        self.0.wanted.iter().any(|made| wanted.contains(made))
+    }
+
+    /// What came out, if the thread has ended.
+    pub fn outcome(&self) -> MutexGuard<'_, Option<Outcome>> {
+        self.0.outcome.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for the end of the thread.
+    pub fn wait(&self) -> MutexGuard<'_, Option<Outcome>> {
+        let outcome = self.outcome();
+        let is_open = |outcome: &mut Option<Outcome>| outcome.is_none();
+        self.0.ended.wait_while(outcome, is_open).unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Kernels {
+    fn drop(&mut self) {
+        // Drivers do not survive that a process ends while a thread is at work in them.
+        for pending in self.pending.drain(..) {
+            let thread = pending.0.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let _ = thread.map(JoinHandle::join);
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Are pipelines compiled when a program asks for it, with the error at that moment, and once for all that are equal?
+
+use crate::common::on_each_gpu;
+use std::sync::Arc;
+use tilewright::{
+    Error, compute,
+    format::Format,
+    image::Extent,
+    pass::{Draw, Executor, Pass, Pipeline},
+    shader::{Shader, Stage},
+    state::{Blend, Compare, DepthState},
+    target::{ColorTarget, DepthTarget},
+};
+
+const VERTEX: &str = "#version 450
+layout(location = 0) out vec2 at;
+void main() {
+    at = vec2(4 * (gl_VertexIndex & 1) - 1, 4 * (gl_VertexIndex >> 1) - 1);
+    gl_Position = vec4(at, 0.5, 1.0);
+}";
+const FRAGMENT: &str = "#version 450
+layout(location = 0) in vec2 at;
+layout(location = 0) out vec4 color;
+void main() { if (at.x < -0.9 && DISCARDS) discard; color = vec4(at, FACTOR, 0.5); }";
+/// A feature that Vulkan has and this library does not.
+const REFUSED: &str = "#version 450
+layout(location = 0) in vec2 at;
+layout(location = 0) out vec4 color;
+in float gl_ClipDistance[1];
+void main() { color = vec4(at, gl_ClipDistance[0], 1.0); }";
+
+fn pipeline(fragment: &str) -> Pipeline {
+    let shader = |stage, source| {
+        Arc::new(Shader::from_glsl(stage, "compile", source).unwrap_or_else(|e| panic!("{e}")))
+    };
+    Pipeline::new("compile", shader(Stage::Vertex, VERTEX), shader(Stage::Fragment, fragment))
+}
+
+fn fragment(factor: u32, discards: bool) -> String {
+    let factor = format!("{factor}.0 / 255.0");
+    FRAGMENT.replace("FACTOR", &factor).replace("DISCARDS", &discards.to_string())
+}
+
+fn pass(pipeline: Pipeline, color: Option<Format>, depth: bool) -> Pass {
+    let mut pass = Pass::new("compile", Extent::new(16, 16));
+    pass.colors = color.map(|format| ColorTarget::cleared(format, [0.0; 4])).into_iter().collect();
+    pass.depth = depth.then(|| DepthTarget::cleared(1.0));
+    pass.pipelines = vec![Arc::new(pipeline)];
+    pass.draws = vec![Draw::new(0, 3)];
+    pass
+}
+
+/// All ways in which a pipeline is drawn: the pass finds everything compiled, whoever compiled it.
+#[test]
+fn a_pass_finds_its_pipeline_compiled() {
+    on_each_gpu("a pass finds its pipeline compiled", |gpu| {
+        let blended = |pipeline| Pipeline { blend: Some(Blend::ALPHA), ..pipeline };
+        let equal = |pipeline| Pipeline {
+            depth: DepthState { compare: Compare::Equal, ..DepthState::default() },
+            ..pipeline
+        };
+        let formats = [None, Some(Format::Rgba16Float)];
+        let kinds: [fn(Pipeline) -> Pipeline; 3] = [|pipeline| pipeline, blended, equal];
+        let mut factor = 0;
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        for (kind, discards) in kinds.iter().flat_map(|kind| [(kind, false), (kind, true)]) {
+            for (color, depth) in formats.iter().flat_map(|f| [(*f, false), (*f, true)]) {
+                factor += 1;
+                let made = || kind(pipeline(&fragment(factor, discards)));
+                let (colors, depth_format) = (color.as_slice(), depth.then_some(Format::D32Float));
+                let background = factor % 4 == 0;
+                let compiled = match background {
+                    true => renderer
+                        .compile_in_background(&made(), colors, depth_format)
+                        .and_then(compute::Compilation::wait),
+                    false => renderer.compile(&made(), colors, depth_format),
+                };
+                let compiled = compiled.unwrap();
+                // Takes over what a thread has made.
+                renderer.compile(&made(), colors, depth_format).unwrap();
+                let before = renderer.cached().pipelines_made;
+                renderer.render(&pass(made(), color, depth)).unwrap();
+                let after = renderer.cached().pipelines_made;
+                assert_eq!(after, before, "{color:?} {depth} {discards} {background}");
+                drop(compiled);
+            }
+        }
+    });
+}
+
+#[test]
+fn a_pipeline_stays_as_long_as_it_is_held() {
+    on_each_gpu("a pipeline stays as long as it is held", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        let color = [Format::Rgba8Unorm];
+        let compiled = renderer.compile(&pipeline(&fragment(1, true)), &color, None).unwrap();
+        let also = compiled.clone();
+        let kernels = renderer.cached().pipelines;
+        assert_eq!(kernels, 2, "vertex and ordered");
+        let other = pass(pipeline(&fragment(2, true)), Some(color[0]), false);
+        for _ in 0..70 {
+            renderer.render(&other).unwrap();
+        }
+        drop(compiled);
+        // They share the vertex kernel.
+        assert_eq!(renderer.cached().pipelines, 3);
+        drop(also);
+        renderer.render(&other).unwrap();
+        assert_eq!(renderer.cached().pipelines, 2);
+    });
+}
+
+#[test]
+fn errors_come_when_the_pipeline_is_compiled() {
+    on_each_gpu("errors come when the pipeline is compiled", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        let color = [Format::Rgba8Unorm];
+        let good = || pipeline(&fragment(1, false));
+        let usage = |fault: Option<Error>, part: &str| match fault {
+            Some(Error::Usage(text)) => assert!(text.contains(part), "{text}"),
+            other => panic!("{part}: {other:?}"),
+        };
+        let two = [color[0]; 2];
+        usage(renderer.compile(&good(), &two, None).err(), "2 colour targets");
+        usage(renderer.compile(&good(), &[Format::D32Float], None).err(), "D32Float");
+        usage(renderer.compile(&good(), &color, Some(color[0])).err(), "Rgba8Unorm");
+        let mut bad = good();
+        bad.fragment = bad.vertex.clone();
+        usage(renderer.compile(&bad, &color, None).err(), "pipeline `compile`");
+        usage(renderer.compile_in_background(&bad, &color, None).err(), "pipeline `compile`");
+        let refused = pipeline(REFUSED);
+        let shader = |fault: Option<Error>| match fault {
+            Some(Error::Shader { reason, .. }) => {
+                assert!(reason.contains("ClipDistance"), "{reason}")
+            }
+            other => panic!("{other:?}"),
+        };
+        shader(renderer.compile(&refused, &color, None).err());
+        let started = renderer.compile_in_background(&refused, &color, None).unwrap();
+        shader(started.wait().err());
+        // A pass that needs what a thread compiles waits for it, and so does the end of the renderer.
+        let started: Vec<_> = (10..14)
+            .map(|n| {
+                let made = pipeline(&fragment(n, true));
+                renderer.compile_in_background(&made, &color, None).unwrap()
+            })
+            .collect();
+        let made = pipeline(&fragment(12, true));
+        renderer.render(&pass(made, Some(color[0]), false)).unwrap();
+        drop(renderer);
+        assert!(started.iter().all(compute::Compilation::is_done));
+        started.into_iter().for_each(|compilation| drop(compilation.wait().unwrap()));
+    });
+}
