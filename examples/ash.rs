@@ -82,18 +82,9 @@ pub unsafe fn draw(instance: &ash::Instance, extent: Extent) -> Result<Image, Bo
         };
         let gpu = Gpu::adopt(&whole, &GpuOptions::default())?;
         let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
-        let target = tile::Image::adopt(
-            &gpu,
-            &CallerImage {
-                name: "the program's image",
-                image,
-                extent,
-                format: Format::Rgba8Srgb,
-                levels: 1,
-                usage,
-                layout,
-            },
-        )?;
+        let format = Format::Rgba8Srgb;
+        let target = CallerImage::new(image, extent, format, usage, layout);
+        let target = tile::Image::adopt(&gpu, &target)?;
         let vertex = Shader::from_glsl(Stage::Vertex, "hello", include_str!("hello.vert"))?;
         let fragment = Shader::from_glsl(Stage::Fragment, "hello", include_str!("hello.frag"))?;
         let mut pass = Pass::new("triangle", extent);

@@ -61,7 +61,7 @@ void main() { color = vec4(tint, 0.5 * max(1.0 - dot(corner, corner), 0.0)); }";
 /// Draws `frames` frames of `extent`; returns the last one and the particles that it shows.
 pub fn fountain(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<(Image, u32)> {
     let (format, usage) = (Format::Rgba8Srgb, ImageUse::Attachment);
-    let info = ImageInfo { name: "fountain", extent, format, levels: 1, usage };
+    let info = ImageInfo::new("fountain", extent, format, usage);
     let picture = vk::Image::new(gpu, &info)?;
     let shown = vk::Buffer::<[f32; 4]>::new(gpu, "shown", PARTICLES as usize, Memory::Device)?;
     let command = vk::Buffer::<IndirectCommand>::new(gpu, "command", 1, Memory::Device)?;

@@ -14,8 +14,9 @@ use tilewright::format::Format;
 use tilewright::image::{Extent, Image, png};
 use tilewright::pass::{Binding, BindingEntry, BindingSet, Draw, Pass, Pipeline};
 use tilewright::shader::{Shader, Stage};
+use tilewright::state::Compare;
 use tilewright::target::{ColorTarget, DepthTarget, LoadOp};
-use tilewright::texture::{Filter, Sampler, Texture, Wrap};
+use tilewright::texture::{Sampler, Texture};
 use tilewright::vk::{self, Gpu, GpuOptions, ImageInfo, ImageUse};
 
 /// Boxes on a floor, each an instance of 36 vertices. The shader makes them, so that there are no buffers.
@@ -56,7 +57,7 @@ void main() {
 }";
 
 const FRAGMENT: &str = "#version 450
-layout(set = 0, binding = 0) uniform sampler2D shadow_map;
+layout(set = 0, binding = 0) uniform sampler2DShadow shadow_map;
 layout(location = 0) in vec3 facing;
 layout(location = 1) in vec4 in_light;
 layout(location = 0) out vec4 color;
@@ -67,7 +68,7 @@ void main() {
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
             vec2 step = vec2(x, y) / textureSize(shadow_map, 0);
-            lit += in_light.z - 0.004 <= texture(shadow_map, at + step).r ? 1.0 / 9.0 : 0.0;
+            lit += textureLod(shadow_map, vec3(at + step, in_light.z - 0.004), 0) / 9.0;
         }
     }
     vec3 base = mix(vec3(0.75, 0.45, 0.3), vec3(0.6, 0.62, 0.65), facing.y);
@@ -77,10 +78,7 @@ void main() {
 /// Draws one frame of `extent`.
 pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Image> {
     let image = |name, extent, format| {
-        vk::Image::new(
-            gpu,
-            &ImageInfo { name, extent, format, levels: 1, usage: ImageUse::Attachment },
-        )
+        vk::Image::new(gpu, &ImageInfo::new(name, extent, format, ImageUse::Attachment))
     };
     let shadow_map = image("shadow map", Extent::new(1024, 1024), Format::D32Float)?;
     let picture = image("picture", extent, Format::Rgba8Srgb)?;
@@ -111,13 +109,7 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Image> {
     second.colors = vec![ColorTarget::on_device(&picture, LoadOp::Clear([0.3, 0.4, 0.5, 1.0]))];
     second.depth = Some(DepthTarget::transient(1.0));
     second.pipelines = pipeline("eye", VERTEX, FRAGMENT)?;
-    let sampler = Sampler {
-        wrap_u: Wrap::ClampToEdge,
-        wrap_v: Wrap::ClampToEdge,
-        mag: Filter::Nearest,
-        min: Filter::Nearest,
-        mip: None,
-    };
+    let sampler = Sampler { compare: Some(Compare::LessOrEqual), ..Sampler::nearest() };
     let texture = Arc::new(Texture::on_device(&shadow_map));
     let resources = vec![Binding::Sampled(texture, sampler)];
     let entries = vec![BindingEntry { binding: 0, resources }];

@@ -38,8 +38,7 @@ void main() { color = texture(tiles, uv); }";
 pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Image> {
     // The target lives on the device: frames draw to it, and nothing comes to the host in between.
     let (format, usage) = (Format::Rgba8Srgb, ImageUse::Attachment);
-    let target =
-        vk::Image::new(gpu, &ImageInfo { name: "turntable", extent, format, levels: 1, usage })?;
+    let target = vk::Image::new(gpu, &ImageInfo::new("turntable", extent, format, usage))?;
     let mut pass = Pass::new("turntable", extent);
     pass.colors = vec![ColorTarget::on_device(&target, LoadOp::Clear([0.02, 0.02, 0.03, 1.0]))];
     pass.depth = Some(DepthTarget::transient(1.0));

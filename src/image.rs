@@ -1,6 +1,9 @@
 //! Pictures in host memory. Executors return them, and textures are made of them.
 
 pub mod png;
+mod shape;
+
+pub use shape::Shape;
 
 use crate::{
     error::{Error, Result},

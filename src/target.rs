@@ -4,7 +4,7 @@ use crate::{
     error::Result,
     format::Format,
     image::{self, Extent},
-    vk,
+    vk::{self, Subresource},
 };
 use std::sync::Arc;
 
@@ -43,9 +43,12 @@ pub enum StoreOp {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct ColorTarget {
-    /// The image that is drawn to, with the extent of the pass. `None`: each executor makes one, and
-    /// [`super::pass::Frame::colors`] has its content.
+    /// The image that is drawn to. `None`: each executor makes one, and [`super::pass::Frame::colors`] has its content.
     pub image: Option<vk::Image>,
+    /// The mip level that is drawn to, which has the extent of the pass.
+    pub level: u32,
+    /// The layer that is drawn to: of a cube a face, of an image of three dimensions a slice.
+    pub layer: u32,
     /// [`Format::Rgba8Unorm`], [`Format::Rgba8Srgb`] or [`Format::Rgba16Float`]; that of the image, if there is one.
     pub format: Format,
     /// What it begins with. A clear colour is linear RGBA.
@@ -57,13 +60,19 @@ pub struct ColorTarget {
 impl ColorTarget {
     /// A target that each executor makes, cleared to `color` (linear RGBA).
     pub fn cleared(format: Format, color: [f32; 4]) -> Self {
-        Self { image: None, format, load: LoadOp::Clear(color), store: StoreOp::Store }
+        let (load, store) = (LoadOp::Clear(color), StoreOp::Store);
+        Self { image: None, level: 0, layer: 0, format, load, store }
     }
 
-    /// A target that is `image`, made for [`vk::ImageUse::Attachment`].
+    /// A target that is `image`, made for [`vk::ImageUse::Attachment`]: level 0 of layer 0, unless set otherwise.
     pub fn on_device(image: &vk::Image, load: LoadOp<[f32; 4]>) -> Self {
         let (image, format) = (Some(image.clone()), image.format());
-        Self { image, format, load, store: StoreOp::Store }
+        Self { image, level: 0, layer: 0, format, load, store: StoreOp::Store }
+    }
+
+    /// The level and the layer that are drawn to.
+    pub(crate) fn subresource(&self) -> Subresource {
+        Subresource { level: self.level, layer: self.layer }
     }
 }
 
@@ -73,6 +82,10 @@ impl ColorTarget {
 pub struct DepthTarget {
     /// As [`ColorTarget::image`]; [`super::pass::Frame::depth`] has its content.
     pub image: Option<vk::Image>,
+    /// As [`ColorTarget::level`].
+    pub level: u32,
+    /// As [`ColorTarget::layer`].
+    pub layer: u32,
     /// What it begins with: depths in 0..=1.
     pub load: LoadOp<f32>,
     /// What is kept.
@@ -82,7 +95,8 @@ pub struct DepthTarget {
 impl DepthTarget {
     /// A target that each executor makes, cleared to `depth`.
     pub fn cleared(depth: f32) -> Self {
-        Self { image: None, load: LoadOp::Clear(depth), store: StoreOp::Store }
+        let (load, store) = (LoadOp::Clear(depth), StoreOp::Store);
+        Self { image: None, level: 0, layer: 0, load, store }
     }
 
     /// As [`DepthTarget::cleared`], for depth that nobody needs after the pass.
@@ -90,9 +104,14 @@ impl DepthTarget {
         Self { store: StoreOp::Discard, ..Self::cleared(depth) }
     }
 
-    /// A target that is `image`, made for [`vk::ImageUse::Attachment`].
+    /// As [`ColorTarget::on_device`].
     pub fn on_device(image: &vk::Image, load: LoadOp<f32>) -> Self {
-        Self { image: Some(image.clone()), load, store: StoreOp::Store }
+        Self { image: Some(image.clone()), level: 0, layer: 0, load, store: StoreOp::Store }
+    }
+
+    /// The level and the layer that are drawn to.
+    pub(crate) fn subresource(&self) -> Subresource {
+        Subresource { level: self.level, layer: self.layer }
     }
 }
 
@@ -102,8 +121,8 @@ impl ColorTarget {
     /// # Errors
     /// As [`vk::Image::download`].
     pub(crate) fn snapshot(&self) -> Result<Self> {
-        let load = self.load.snapshot(self.image.as_ref())?;
-        Ok(Self { image: None, load, ..self.clone() })
+        let load = self.load.snapshot(self.image.as_ref(), self.subresource())?;
+        Ok(Self { image: None, level: 0, layer: 0, load, ..self.clone() })
     }
 }
 
@@ -113,15 +132,18 @@ impl DepthTarget {
     /// # Errors
     /// As [`vk::Image::download`].
     pub(crate) fn snapshot(&self) -> Result<Self> {
-        let load = self.load.snapshot(self.image.as_ref())?;
-        Ok(Self { image: None, load, ..self.clone() })
+        let load = self.load.snapshot(self.image.as_ref(), self.subresource())?;
+        Ok(Self { image: None, level: 0, layer: 0, load, ..self.clone() })
     }
 }
 
 impl<T: Clone> LoadOp<T> {
-    fn snapshot(&self, image: Option<&vk::Image>) -> Result<Self> {
+    fn snapshot(&self, image: Option<&vk::Image>, at: Subresource) -> Result<Self> {
         match (self, image) {
-            (LoadOp::Load, Some(image)) => Ok(LoadOp::Upload(Arc::new(image.download(0)?))),
+            (LoadOp::Load, Some(image)) => {
+                let picture = image.download_layer(at.level, at.layer)?;
+                Ok(LoadOp::Upload(Arc::new(picture)))
+            }
             (load, _) => Ok(load.clone()),
         }
     }
@@ -137,7 +159,7 @@ impl ColorTarget {
         if !matches!(format, Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float) {
             return Err(format!("{format:?} is no format of a colour target"));
         }
-        check(self.image.as_ref(), &self.load, format, extent)
+        check((self.image.as_ref(), self.subresource()), &self.load, format, extent)
     }
 }
 
@@ -151,7 +173,8 @@ impl DepthTarget {
             }
             LoadOp::Clear(_) | LoadOp::Load | LoadOp::Upload(_) => {}
         }
-        check(self.image.as_ref(), &self.load, Format::D32Float, extent)?;
+        let place = (self.image.as_ref(), self.subresource());
+        check(place, &self.load, Format::D32Float, extent)?;
         if let LoadOp::Upload(picture) = &self.load
             && let Some(depth) = picture.depths().iter().find(|depth| !inside(depth))
         {
@@ -161,7 +184,16 @@ impl DepthTarget {
     }
 }
 
-fn check<T>(image: Option<&vk::Image>, load: &LoadOp<T>, format: Format, extent: Extent) -> Fault {
+fn check<T>(
+    (image, subresource): (Option<&vk::Image>, Subresource),
+    load: &LoadOp<T>,
+    format: Format,
+    extent: Extent,
+) -> Fault {
+    if image.is_none() && subresource != Subresource::default() {
+        let Subresource { level, layer } = subresource;
+        return Err(format!("a target without an image has no level {level} or layer {layer}"));
+    }
     if let Some(image) = image {
         let name = image.name();
         if image.usage() != vk::ImageUse::Attachment {
@@ -169,10 +201,13 @@ fn check<T>(image: Option<&vk::Image>, load: &LoadOp<T>, format: Format, extent:
                 "image `{name}` is no target: those are made with `ImageUse::Attachment`"
             ));
         }
-        if (image.extent(), image.format()) != (extent, format) {
-            let (has, of) = (image.extent(), image.format());
+        image.0.check_subresource(subresource).map_err(|fault| fault.to_string())?;
+        let (has, of, level) =
+            (image.extent().level(subresource.level), image.format(), subresource.level);
+        if (has, of) != (extent, format) {
+            let of_level = if level == 0 { String::new() } else { format!(" in level {level}") };
             return Err(format!(
-                "image `{name}` is {has} {of:?}; the pass draws to {extent} {format:?}"
+                "image `{name}` is {has} {of:?}{of_level}; the pass draws to {extent} {format:?}"
             ));
         }
     }

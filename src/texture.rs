@@ -1,8 +1,16 @@
 //! Textures and samplers.
 
-use crate::{format::Format, image::Extent, vk};
+mod sampler;
 
-/// A two-dimensional texture with its mip levels.
+pub use sampler::{Border, Filter, Sampler, Wrap};
+
+use crate::{
+    format::Format,
+    image::{Extent, Shape},
+    vk,
+};
+
+/// A texture with its mip levels.
 ///
 /// A texture of the host ([`Texture::new`]) never changes, and an executor uploads it once. A texture of a device
 /// ([`Texture::on_device`]) is an image that lives there: what passes and uploads write to it, later passes sample.
@@ -10,6 +18,7 @@ use crate::{format::Format, image::Extent, vk};
 pub struct Texture {
     label: String,
     extent: Extent,
+    shape: Shape,
     format: Format,
     texels: Texels,
 }
@@ -21,23 +30,39 @@ enum Texels {
 }
 
 impl Texture {
-    /// A texture of the host. `label` names it in messages and captures; `extent` is the size of level 0; `format` is
-    /// that of colours. The `levels` go from the largest down: level `n` is `max(1, extent >> n)` texels, rows without
-    /// padding.
+    /// A two-dimensional texture of the host. `label` names it in messages and captures; `extent` is the size of level 0;
+    /// `format` is that of colours. The `levels` go from the largest down: level `n` is `max(1, extent >> n)` texels, rows
+    /// without padding.
     pub fn new(
         label: impl Into<String>,
         extent: Extent,
         format: Format,
         levels: Vec<Vec<u8>>,
     ) -> Self {
-        Self { label: label.into(), extent, format, texels: Texels::Host(levels) }
+        Self::of_shape(label, Shape::D2, extent, format, levels)
+    }
+
+    /// As [`Texture::new`], with other dimensions. Each of the `levels` has all its layers or slices, one after the other.
+    pub fn of_shape(
+        label: impl Into<String>,
+        shape: Shape,
+        extent: Extent,
+        format: Format,
+        levels: Vec<Vec<u8>>,
+    ) -> Self {
+        Self { label: label.into(), extent, shape, format, texels: Texels::Host(levels) }
     }
 
     /// The texture that is `image`, made for [`vk::ImageUse::Attachment`]. Only executors of its device take it. A pass
     /// cannot sample an image that it draws to. From an image of depths, shaders read the depth as red.
     pub fn on_device(image: &vk::Image) -> Self {
-        let (label, extent, format) = (image.name().into(), image.extent(), image.format());
-        Self { label, extent, format, texels: Texels::Device(image.clone()) }
+        Self {
+            label: image.name().into(),
+            extent: image.extent(),
+            shape: image.shape(),
+            format: image.format(),
+            texels: Texels::Device(image.clone()),
+        }
     }
 
     /// Its name in messages and captures.
@@ -48,6 +73,11 @@ impl Texture {
     /// Size of level 0.
     pub fn extent(&self) -> Extent {
         self.extent
+    }
+
+    /// Dimensions and layers.
+    pub fn shape(&self) -> Shape {
+        self.shape
     }
 
     /// Layout of the texels.
@@ -68,55 +98,6 @@ impl Texture {
         match &self.texels {
             Texels::Host(_) => None,
             Texels::Device(image) => Some(image),
-        }
-    }
-}
-
-/// How a sampler treats coordinates outside 0..=1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Wrap {
-    /// Repeat.
-    #[default]
-    Repeat,
-    /// Repeat, every other copy mirrored.
-    MirroredRepeat,
-    /// The edge texel.
-    ClampToEdge,
-}
-
-/// Nearest or linear.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Filter {
-    /// The nearest texel or level.
-    Nearest,
-    /// A weighted mean of the neighbours.
-    #[default]
-    Linear,
-}
-
-/// A sampler.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sampler {
-    /// Wrapping along u.
-    pub wrap_u: Wrap,
-    /// Wrapping along v.
-    pub wrap_v: Wrap,
-    /// Magnification.
-    pub mag: Filter,
-    /// Minification.
-    pub min: Filter,
-    /// Between mip levels; `None` samples level 0 only.
-    pub mip: Option<Filter>,
-}
-
-impl Default for Sampler {
-    fn default() -> Self {
-        Self {
-            wrap_u: Wrap::Repeat,
-            wrap_v: Wrap::Repeat,
-            mag: Filter::Linear,
-            min: Filter::Linear,
-            mip: Some(Filter::Linear),
         }
     }
 }

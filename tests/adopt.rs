@@ -17,7 +17,7 @@ use tilewright::{
     },
     shader::{Shader, Stage},
     target::{ColorTarget, DepthTarget, LoadOp},
-    texture::{Filter, Sampler, Texture, Wrap},
+    texture::{Sampler, Texture},
     vk::{
         Buffer, CallerBuffer, CallerCommands, CallerImage, GpuOptions, Image, ImageInfo, ImageUse,
     },
@@ -105,13 +105,7 @@ fn exchange(before: &Image) -> Pass {
     let mut pass = Pass::new("exchange", EXTENT);
     let (vertex, fragment) = (shader(Stage::Vertex, WHOLE), shader(Stage::Fragment, SAMPLE));
     pass.pipelines = vec![Arc::new(Pipeline::new("exchange", vertex, fragment))];
-    let sampler = Sampler {
-        wrap_u: Wrap::ClampToEdge,
-        wrap_v: Wrap::ClampToEdge,
-        mag: Filter::Nearest,
-        min: Filter::Nearest,
-        mip: None,
-    };
+    let sampler = Sampler::nearest();
     let resources = vec![Binding::Sampled(Arc::new(Texture::on_device(before)), sampler)];
     let entries = vec![BindingEntry { binding: 0, resources }];
     pass.draws = vec![Draw { sets: vec![Arc::new(BindingSet { entries })], ..Draw::new(0, 3) }];
@@ -122,8 +116,7 @@ fn exchange(before: &Image) -> Pass {
 fn expected(background: [u8; 4], shift: f32) -> [Vec<u8>; 2] {
     let gpu = gpu();
     let usage = ImageUse::Attachment;
-    let info =
-        ImageInfo { name: "a", extent: EXTENT, format: Format::Rgba8Unorm, levels: 1, usage };
+    let info = ImageInfo::new("a", EXTENT, Format::Rgba8Unorm, usage);
     let [first, second] = [0; 2].map(|_| Image::new(&gpu, &info).unwrap());
     first.upload(&[background.repeat(BYTES / 4)]).unwrap();
     let mut renderer = compute::Renderer::new(&gpu).unwrap();
@@ -160,8 +153,8 @@ fn passes_run_in_the_callers_commands() {
         assert_eq!(corners.0.len(), size as usize);
         let image = |name, usage, layout| {
             let image = opened.image(SIZE, vk::Format::R8G8B8A8_UNORM, usage);
-            let (extent, format) = (EXTENT, Format::Rgba8Unorm);
-            let whole = CallerImage { name, image, extent, format, levels: 1, usage, layout };
+            let whole =
+                CallerImage::new(image, EXTENT, Format::Rgba8Unorm, usage, layout).name(name);
             // SAFETY: as above; the commands below bring the image to this layout.
             (unsafe { Image::adopt(&gpu, &whole) }.unwrap(), image)
         };
@@ -310,8 +303,7 @@ fn buffers_and_images_that_lack_a_usage_are_refused_where_it_matters() {
     }
     let image = |usage, layout| {
         let image = opened.image(SIZE, vk::Format::R8G8B8A8_UNORM, usage);
-        let (name, extent, format) = ("mine", EXTENT, Format::Rgba8Unorm);
-        let whole = CallerImage { name, image, extent, format, levels: 1, usage, layout };
+        let whole = CallerImage::new(image, EXTENT, Format::Rgba8Unorm, usage, layout).name("mine");
         // SAFETY: as above; nothing runs that uses it.
         unsafe { Image::adopt(gpu, &whole) }
     };
@@ -356,8 +348,7 @@ fn a_recording_that_fails_can_be_followed_by_another() {
     let gpu = opened.gpu();
     let usage = COPIED | vk::ImageUsageFlags::COLOR_ATTACHMENT;
     let raw = opened.image(SIZE, vk::Format::R8G8B8A8_UNORM, usage);
-    let (name, extent, format, layout) = ("mine", EXTENT, Format::Rgba8Unorm, READ);
-    let whole = CallerImage { name, image: raw, extent, format, levels: 1, usage, layout };
+    let whole = CallerImage::new(raw, EXTENT, Format::Rgba8Unorm, usage, READ);
     // SAFETY: the device is adopted, and `opened` keeps the image until the end.
     let image = unsafe { Image::adopt(gpu, &whole) }.unwrap();
     let mut renderer = compute::Renderer::new(gpu).unwrap();

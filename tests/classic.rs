@@ -13,7 +13,7 @@ use tilewright::{
     shader::{Shader, Stage},
     state::{Blend, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
-    texture::{Filter, Sampler, Texture, Wrap},
+    texture::{Sampler, Texture, Wrap},
     vk::Gpu,
 };
 
@@ -275,13 +275,7 @@ void main() {
         quarter[4..8].fill(255);
         let quarter = texture("quarter", vec![quarter]);
         let linear = Sampler::default();
-        let nearest = Sampler {
-            wrap_u: Wrap::ClampToEdge,
-            wrap_v: Wrap::MirroredRepeat,
-            mag: Filter::Nearest,
-            min: Filter::Nearest,
-            mip: None,
-        };
+        let nearest = Sampler { wrap_v: Wrap::MirroredRepeat, ..Sampler::nearest() };
         let mut words = vec![0.0f32; 64];
         words.extend([0.0, 0.0, 0.0, 2.0]);
         let corners = [[-1.0f32, -1.0, 0.0, 1.0], [3.0, -1.0, 0.0, 1.0], [-1.0, 3.0, 0.0, 1.0]];

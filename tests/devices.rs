@@ -37,7 +37,7 @@ impl Handles {
         let info = KernelInfo { name: "copy", spirv: &spirv, ..KernelInfo::default() };
         let image = |name, usage| {
             let (extent, format) = (Extent::new(1, 1), Format::Rgba8Unorm);
-            Image::new(&gpu, &ImageInfo { name, extent, format, levels: 1, usage }).unwrap()
+            Image::new(&gpu, &ImageInfo::new(name, extent, format, usage)).unwrap()
         };
         Self {
             kernel: Kernel::new(&gpu, &info).unwrap(),

@@ -16,7 +16,7 @@ use tilewright::{
     shader::{Shader, Stage},
     state::Rect,
     target::{ColorTarget, DepthTarget, LoadOp, StoreOp},
-    texture::{Filter, Sampler, Texture, Wrap},
+    texture::{Sampler, Texture},
     vk::{
         Buffer, Gpu, GpuOptions, Image, ImageInfo, ImageUse, Kernel, KernelInfo, Memory, Recorder,
         TableSizes,
@@ -25,7 +25,7 @@ use tilewright::{
 
 fn target(gpu: &Gpu, name: &str, extent: Extent, format: Format) -> Image {
     let usage = ImageUse::Attachment;
-    Image::new(gpu, &ImageInfo { name, extent, format, levels: 1, usage }).unwrap()
+    Image::new(gpu, &ImageInfo::new(name, extent, format, usage)).unwrap()
 }
 
 fn shader(stage: Stage, source: &str) -> Arc<Shader> {
@@ -134,13 +134,7 @@ void main() { color = texelFetch(before, ivec2(gl_FragCoord.xy), 0) + shade; }",
         );
         let pass = |from: &Image, to: &Image, color: [f32; 4]| {
             let mut pass = fill(to, &[vertex.clone(), step.clone()], color);
-            let nearest = Sampler {
-                wrap_u: Wrap::ClampToEdge,
-                wrap_v: Wrap::ClampToEdge,
-                mag: Filter::Nearest,
-                min: Filter::Nearest,
-                mip: None,
-            };
+            let nearest = Sampler::nearest();
             let texture = Binding::Sampled(Arc::new(Texture::on_device(from)), nearest);
             let entry = BindingEntry { binding: 0, resources: vec![texture] };
             pass.draws[0].sets = vec![Arc::new(BindingSet { entries: vec![entry] })];

@@ -18,8 +18,7 @@ fn images_begin_with_zeros_and_hold_what_is_uploaded() {
     on_each_gpu("images begin with zeros and hold what is uploaded", |gpu| {
         for format in [Format::Rgba8Srgb, Format::Rgba16Float, Format::D32Float] {
             let extent = Extent::new(5, 3);
-            let info =
-                ImageInfo { name: "held", extent, format, levels: 3, usage: ImageUse::Attachment };
+            let info = ImageInfo::new("held", extent, format, ImageUse::Attachment).levels(3);
             let image = Image::new(gpu, &info).unwrap();
             let zeros = image.download(0).unwrap();
             assert_eq!(zeros, image::Image::zeroed(extent, format));
@@ -46,7 +45,7 @@ fn images_begin_with_zeros_and_hold_what_is_uploaded() {
         // What is sampled only may have no content yet.
         let usage = ImageUse::Sampled;
         let (extent, format) = (Extent::new(2, 2), Format::Rgba8Unorm);
-        let info = ImageInfo { name: "sampled", extent, format, levels: 1, usage };
+        let info = ImageInfo::new("sampled", extent, format, usage);
         let error = Image::new(gpu, &info).unwrap().download(0).unwrap_err();
         assert!(error.to_string().contains("ImageUse::Attachment"), "{error}");
     });
@@ -57,8 +56,7 @@ fn images_begin_with_zeros_and_hold_what_is_uploaded() {
 fn images_with_levels_are_drawn_to_and_sampled() {
     on_each_gpu("images with levels are drawn to and sampled", |gpu| {
         let (extent, format) = (Extent::new(4, 4), Format::Rgba8Unorm);
-        let info =
-            ImageInfo { name: "levels", extent, format, levels: 3, usage: ImageUse::Attachment };
+        let info = ImageInfo::new("levels", extent, format, ImageUse::Attachment).levels(3);
         let levels = [vec![9; 64], vec![7; 16], vec![5; 4]];
         let red = "#version 450
 layout(location = 0) out vec4 color;
@@ -94,8 +92,7 @@ fn levels_are_made_on_the_device() {
         for (format, middle) in [(Format::Rgba8Unorm, 128), (Format::Rgba8Srgb, 188)] {
             let usage = ImageUse::Attachment;
             let extent = Extent::new(8, 4);
-            let image =
-                Image::new(gpu, &ImageInfo { name: "levels", extent, format, levels: 4, usage });
+            let image = Image::new(gpu, &ImageInfo::new("levels", extent, format, usage).levels(4));
             let image = image.unwrap();
             let texel =
                 |i: u32| if (i % 8 + i / 8).is_multiple_of(2) { [0, 0, 0, 255] } else { [255; 4] };

@@ -233,8 +233,7 @@ void main() {
         let count = vk::Buffer::<u32>::new(gpu, "count", 1, Memory::Device).unwrap();
         let (extent, usage) = (Extent::new(64, 4), ImageUse::Attachment);
         let format = Format::Rgba8Unorm;
-        let image = Image::new(gpu, &ImageInfo { name: "image", extent, format, levels: 1, usage })
-            .unwrap();
+        let image = Image::new(gpu, &ImageInfo::new("image", extent, format, usage)).unwrap();
         let mut pass = mesh(1);
         pass.extent = extent;
         pass.colors = vec![ColorTarget::on_device(&image, LoadOp::Clear([0.0; 4]))];

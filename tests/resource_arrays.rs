@@ -12,7 +12,7 @@ use tilewright::{
     shader::{Shader, Stage},
     state::{DepthState, Rect},
     target::DepthTarget,
-    texture::{Filter, Sampler, Texture, Wrap},
+    texture::{Sampler, Texture, Wrap},
 };
 
 const RED: [u8; 4] = [255, 0, 0, 255];
@@ -47,13 +47,8 @@ fn sampled(color: [u8; 4]) -> Binding {
     Binding::Sampled(texture(&[color]), SAMPLER)
 }
 
-const SAMPLER: Sampler = Sampler {
-    wrap_u: Wrap::Repeat,
-    wrap_v: Wrap::Repeat,
-    mag: Filter::Nearest,
-    min: Filter::Nearest,
-    mip: None,
-};
+const SAMPLER: Sampler =
+    Sampler { wrap_u: Wrap::Repeat, wrap_v: Wrap::Repeat, ..Sampler::nearest() };
 
 /// A sampler that finds this colour at 1.45 of the row: at texel 1.8, 2.2 or 3.
 fn sampler(color: [u8; 4]) -> Binding {

@@ -15,13 +15,13 @@ use tilewright::{
     scene::Scene,
     shader::{Shader, Stage},
     target::{ColorTarget, DepthTarget, LoadOp, StoreOp},
-    texture::{Filter, Sampler, Texture, Wrap},
+    texture::{Filter, Sampler, Texture},
     vk::{Gpu, Image, ImageInfo, ImageUse},
 };
 
 pub fn target(gpu: &Gpu, name: &str, extent: Extent, format: Format) -> Image {
     let usage = ImageUse::Attachment;
-    Image::new(gpu, &ImageInfo { name, extent, format, levels: 1, usage }).unwrap()
+    Image::new(gpu, &ImageInfo::new(name, extent, format, usage)).unwrap()
 }
 
 fn shader(stage: Stage, source: &str) -> Arc<Shader> {
@@ -47,13 +47,7 @@ pub fn whole(extent: Extent, color: ColorTarget, fragment: &str) -> Pass {
 
 /// The set that binds `textures` from binding 0 on, nearest texel.
 pub fn textures(textures: &[&Image]) -> Arc<BindingSet> {
-    let nearest = Sampler {
-        wrap_u: Wrap::ClampToEdge,
-        wrap_v: Wrap::ClampToEdge,
-        mag: Filter::Nearest,
-        min: Filter::Nearest,
-        mip: Some(Filter::Nearest),
-    };
+    let nearest = Sampler { mip: Some(Filter::Nearest), ..Sampler::nearest() };
     let entry = |(binding, image): (usize, &&Image)| {
         let texture = Arc::new(Texture::on_device(image));
         let resources = vec![Binding::Sampled(texture, nearest)];
@@ -394,7 +388,7 @@ void main() { color = texture(image, vec2(0)); }";
     }
     let usage = ImageUse::Sampled;
     let (name, format) = ("sampled", Format::Rgba8Unorm);
-    let sampled = Image::new(&gpu, &ImageInfo { name, extent, format, levels: 1, usage }).unwrap();
+    let sampled = Image::new(&gpu, &ImageInfo::new(name, extent, format, usage)).unwrap();
     refused(&["`sampled`", "ImageUse::Attachment"], &|p| p.colors[0].image = Some(sampled.clone()));
     refused(&["`sampled`", "ImageUse::Attachment"], &|p| {
         p.draws[0].sets = vec![textures(&[&sampled])];

@@ -145,13 +145,9 @@ fn lanes_of_a_subgroup_read_different_slots_of_the_table() {
         let mut slots = Vec::new();
         for i in 0..lanes {
             let name = format!("texture {i}");
-            let info = ImageInfo {
-                name: &name,
-                extent: Extent::new(2, 2),
-                format: Format::Rgba8Unorm,
-                levels: 2,
-                usage: ImageUse::Sampled,
-            };
+            let info =
+                ImageInfo::new(&name, Extent::new(2, 2), Format::Rgba8Unorm, ImageUse::Sampled)
+                    .levels(2);
             let image = Image::new(gpu, &info).unwrap();
             let levels = [vec![i as u8 * 10; 16], vec![i as u8 * 10 + 5; 4]];
             recorder.upload_image(&image, &levels).unwrap();
@@ -359,7 +355,7 @@ fn images_that_cannot_be_are_refused() {
     on_each_gpu("images that cannot be are refused", |gpu| {
         let make = |width, height, levels, usage| {
             let (extent, format) = (Extent::new(width, height), Format::Rgba8Unorm);
-            Image::new(gpu, &ImageInfo { name: "odd", extent, format, levels, usage })
+            Image::new(gpu, &ImageInfo::new("odd", extent, format, usage).levels(levels))
         };
         for (width, height, levels) in [(0, 4, 1), (4, 0, 1), (4, 4, 0), (4, 2, 4)] {
             let error = make(width, height, levels, ImageUse::Sampled).unwrap_err();

@@ -38,8 +38,7 @@ fn on_images(gpu: &Gpu, pass: &Pass) -> Result<Pass> {
     let mut pass = pass.clone();
     let (extent, usage) = (pass.extent, ImageUse::Attachment);
     for color in &mut pass.colors {
-        let info =
-            ImageInfo { name: "colour target", extent, format: color.format, levels: 1, usage };
+        let info = ImageInfo::new("colour target", extent, color.format, usage);
         color.image = Some(Image::new(gpu, &info)?);
     }
     if let Some(depth) = &mut pass.depth {

@@ -6,8 +6,8 @@ use crate::{
     format::{Component, Format, VertexFormat},
     pass::{Pass, Pipeline, StepRate, VertexAttribute},
     shader::{Resource, Shader, Varying},
-    state::{BlendEquation, BlendFactor, BlendOp, Compare, Cull, FrontFace, Topology},
-    vk::{Gpu, missing_feature, vk_format},
+    state::{BlendEquation, BlendFactor, BlendOp, Cull, FrontFace, Topology},
+    vk::{Gpu, compare_op, missing_feature, vk_format},
 };
 use ash::vk;
 use std::{
@@ -273,7 +273,7 @@ fn create(
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
         .depth_test_enable(variant.depth && pipeline.depth.test)
         .depth_write_enable(variant.depth && pipeline.depth.test && pipeline.depth.write)
-        .depth_compare_op(compare(pipeline.depth.compare));
+        .depth_compare_op(compare_op(pipeline.depth.compare));
     let blend_attachments: Vec<_> = variant.color.iter().map(|_| blend_state(pipeline)).collect();
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blend_attachments);
     let dynamic = vk::PipelineDynamicStateCreateInfo::default()
@@ -361,19 +361,6 @@ fn vertex_format(format: VertexFormat) -> vk::Format {
         }
     };
     by_count[usize::from(format.count.clamp(1, 4)) - 1]
-}
-
-fn compare(compare: Compare) -> vk::CompareOp {
-    match compare {
-        Compare::Never => vk::CompareOp::NEVER,
-        Compare::Less => vk::CompareOp::LESS,
-        Compare::Equal => vk::CompareOp::EQUAL,
-        Compare::LessOrEqual => vk::CompareOp::LESS_OR_EQUAL,
-        Compare::Greater => vk::CompareOp::GREATER,
-        Compare::NotEqual => vk::CompareOp::NOT_EQUAL,
-        Compare::GreaterOrEqual => vk::CompareOp::GREATER_OR_EQUAL,
-        Compare::Always => vk::CompareOp::ALWAYS,
-    }
 }
 
 fn blend_state(pipeline: &Pipeline) -> vk::PipelineColorBlendAttachmentState {

@@ -6,7 +6,7 @@ use crate::{
     image::{self, Extent},
     pass::Pass,
     target::{LoadOp, StoreOp},
-    vk::{Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording},
+    vk::{Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Subresource},
 };
 use ash::vk;
 
@@ -20,6 +20,10 @@ pub(super) struct Targets {
 /// One target.
 pub(super) struct Target {
     image: Image,
+    /// Its level and its layer that are drawn to.
+    at: Subresource,
+    /// The image has it.
+    view: vk::ImageView,
     begin: Begin,
     store: StoreOp,
     /// `Some` for an image that was made for the pass: what fills the buffer, which the host reads. It is not part of
@@ -41,7 +45,8 @@ impl Targets {
             let value = |float32| vk::ClearValue { color: vk::ClearColorValue { float32 } };
             let begin = Begin::new(gpu, &color.load, value)?;
             let info = info("colour target", pass.extent, color.format);
-            Target::new(gpu, &info, color.image.as_ref(), begin, color.store)
+            let place = color.image.as_ref().map(|image| (image, color.subresource()));
+            Target::new(gpu, &info, place, begin, color.store)
         });
         let depth = pass.depth.as_ref().map(|depth| {
             let value = |depth| vk::ClearValue {
@@ -49,7 +54,8 @@ impl Targets {
             };
             let begin = Begin::new(gpu, &depth.load, value)?;
             let info = info("depth target", pass.extent, Format::D32Float);
-            Target::new(gpu, &info, depth.image.as_ref(), begin, depth.store)
+            let place = depth.image.as_ref().map(|image| (image, depth.subresource()));
+            Target::new(gpu, &info, place, begin, depth.store)
         });
         Ok(Self { extent: pass.extent, color: color.transpose()?, depth: depth.transpose()? })
     }
@@ -61,7 +67,7 @@ impl Targets {
 }
 
 fn info(name: &str, extent: Extent, format: Format) -> ImageInfo<'_> {
-    ImageInfo { name, extent, format, levels: 1, usage: ImageUse::Attachment }
+    ImageInfo::new(name, extent, format, ImageUse::Attachment)
 }
 
 impl Begin {
@@ -84,38 +90,41 @@ impl Target {
     fn new(
         gpu: &Gpu,
         info: &ImageInfo<'_>,
-        image: Option<&Image>,
+        place: Option<(&Image, Subresource)>,
         begin: Begin,
         store: StoreOp,
     ) -> Result<Self> {
-        if let Some(image) = image {
+        if let Some((image, at)) = place {
             image.check_device(gpu)?;
-            image.0.check_attached()?;
-            return Ok(Self { image: image.clone(), begin, store, copy: None });
+            let view = image.0.target_view(at)?;
+            return Ok(Self { image: image.clone(), at, view, begin, store, copy: None });
         }
         let image = Image::new(gpu, info)?;
+        let at = Subresource::default();
+        let view = image.0.target_view(at)?;
         let copy = match store {
             StoreOp::Store => {
                 let mut recorder = Recorder::new(gpu, &format!("copy of the {}", info.name))?;
                 let bytes = info.extent.pixels() * info.format.texel_bytes();
                 let host = Buffer::new(gpu, info.name, bytes, Memory::Readback)?;
-                recorder.copy_from_image(&image, 0, 0..info.extent.height, &host)?;
+                recorder.copy_from_image(&image, at, 0..info.extent.height, &host)?;
                 Some((recorder.finish()?, host))
             }
             StoreOp::Discard => None,
         };
-        Ok(Self { image, begin, store, copy })
+        Ok(Self { image, at, view, begin, store, copy })
     }
 
     /// Records what comes before the draws.
     pub fn begin(&self, recorder: &mut Recorder) -> Result<()> {
         let from = match &self.begin {
-            // The other levels keep what they hold.
-            Begin::Value(_) if self.image.levels() > 1 => self.image.0.shader_layout(),
+            // The other levels and layers keep what they hold.
+            Begin::Value(_) if self.is_part() => self.image.0.shader_layout(),
             Begin::Value(_) => vk::ImageLayout::UNDEFINED,
             Begin::Image => self.image.0.shader_layout(),
             Begin::Picture(picture) => {
-                recorder.copy_to_image(picture, &self.image, 0..self.image.extent().height)?;
+                let rows = 0..self.image.extent().level(self.at.level).height;
+                recorder.copy_to_image(picture, &self.image, self.at, rows)?;
                 self.image.0.shader_layout()
             }
         };
@@ -131,7 +140,7 @@ impl Target {
     /// How the draws take it.
     pub fn attachment(&self) -> vk::RenderingAttachmentInfo<'static> {
         let info = vk::RenderingAttachmentInfo::default()
-            .image_view(self.image.0.target_view())
+            .image_view(self.view)
             .image_layout(self.layout())
             .store_op(match self.store {
                 StoreOp::Store => vk::AttachmentStoreOp::STORE,
@@ -147,13 +156,20 @@ impl Target {
     pub fn read(&mut self) -> Result<Option<image::Image>> {
         match (&mut self.copy, self.store) {
             (_, StoreOp::Discard) => Ok(None),
-            (None, StoreOp::Store) => self.image.download(0).map(Some),
+            (None, StoreOp::Store) => {
+                self.image.download_layer(self.at.level, self.at.layer).map(Some)
+            }
             (Some((copy, host)), StoreOp::Store) => {
                 copy.run()?;
                 let (extent, format) = (self.image.extent(), self.image.format());
                 Ok(Some(image::Image { extent, format, bytes: host.read()? }))
             }
         }
+    }
+
+    /// Whether the image has more than what is drawn to.
+    fn is_part(&self) -> bool {
+        self.image.levels() > 1 || self.image.shape().pictures(0) > 1
     }
 
     fn layout(&self) -> vk::ImageLayout {

@@ -11,7 +11,7 @@ use crate::{
     grid::Grid,
     pass::Pass,
     target::{LoadOp, StoreOp},
-    vk::{Arena, Buffer, Gpu, Image, Kernel, Recorder},
+    vk::{Arena, Buffer, Gpu, Image, Kernel, Recorder, Subresource},
 };
 
 /// The targets of a pass.
@@ -27,6 +27,8 @@ pub struct Attachment<T> {
     begin: Begin<T>,
     pub format: Format,
     pub image: Option<Image>,
+    /// Its level and its layer.
+    pub subresource: Subresource,
     store: StoreOp,
 }
 
@@ -42,10 +44,12 @@ impl Attachments {
     /// Those of `pass`, which is valid, with bands up to the size of `band`.
     pub fn new(gpu: &Gpu, arena: &mut Arena, pass: &Pass, band: &Grid) -> Result<Self> {
         let color = pass.colors.first();
-        let color = color.map(|c| Attachment::new(gpu, c.format, &c.image, &c.load, c.store));
+        let color = color
+            .map(|c| Attachment::new(gpu, c.format, (&c.image, c.subresource()), &c.load, c.store));
         let depth = pass.depth.as_ref();
-        let depth =
-            depth.map(|d| Attachment::new(gpu, Format::D32Float, &d.image, &d.load, d.store));
+        let depth = depth.map(|d| {
+            Attachment::new(gpu, Format::D32Float, (&d.image, d.subresource()), &d.load, d.store)
+        });
         let (color, depth) = (color.transpose()?, depth.transpose()?);
         let loaded = depth.as_ref().filter(|depth| !matches!(depth.begin, Begin::Value(_)));
         let any_bounds = loaded.map(|_| arena.push(&vec![[0.0, 1.0]; band.bins() as usize]));
@@ -115,7 +119,7 @@ impl<T: Copy> Attachment<T> {
     fn new(
         gpu: &Gpu,
         format: Format,
-        image: &Option<Image>,
+        (image, subresource): (&Option<Image>, Subresource),
         load: &LoadOp<T>,
         store: StoreOp,
     ) -> Result<Self> {
@@ -133,7 +137,7 @@ impl<T: Copy> Attachment<T> {
                 return Err(Error::Usage("a target without an image has nothing to load".into()));
             }
         };
-        Ok(Self { begin, format, image: image.clone(), store })
+        Ok(Self { begin, format, image: image.clone(), subresource, store })
     }
 
     /// Whether the host reads the rows.
@@ -150,7 +154,9 @@ impl<T: Copy> Attachment<T> {
     fn load(&self, recorder: &mut Recorder, band: &Grid, rows: &Buffer<u8>) -> Result<()> {
         match &self.begin {
             Begin::Value(_) => Ok(()),
-            Begin::Image(image) => recorder.copy_from_image(image, 0, band.rows(), rows),
+            Begin::Image(image) => {
+                recorder.copy_from_image(image, self.subresource, band.rows(), rows)
+            }
             Begin::Picture(picture) => {
                 let Grid { origin_y, extent, .. } = *band;
                 let first = origin_y as usize * extent.width as usize * self.format.texel_bytes();
@@ -162,7 +168,9 @@ impl<T: Copy> Attachment<T> {
     /// Copies `rows` to the image, if there is one that keeps them.
     fn store(&self, recorder: &mut Recorder, band: &Grid, rows: &Buffer<u8>) -> Result<()> {
         match &self.image {
-            Some(image) if self.is_stored() => recorder.copy_to_image(rows, image, band.rows()),
+            Some(image) if self.is_stored() => {
+                recorder.copy_to_image(rows, image, self.subresource, band.rows())
+            }
             _ => Ok(()),
         }
     }

@@ -108,7 +108,8 @@ impl Results {
             return Ok(None);
         };
         if let Some(image) = &attachment.image {
-            return image.download(0).map(Some);
+            let at = attachment.subresource;
+            return image.download_layer(at.level, at.layer).map(Some);
         }
         let (extent, format) = (self.extent, attachment.format);
         let (mut bytes, wanted) = (Vec::new(), extent.pixels() * format.texel_bytes());

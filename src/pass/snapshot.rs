@@ -81,7 +81,8 @@ impl Copied {
         } else if let Some(image) = texture.image() {
             let levels = (0..image.levels()).map(|n| Ok(image.download(n)?.bytes));
             let levels = levels.collect::<Result<_>>()?;
-            let copy = Texture::new(texture.label(), texture.extent(), texture.format(), levels);
+            let (label, shape) = (texture.label(), texture.shape());
+            let copy = Texture::of_shape(label, shape, texture.extent(), texture.format(), levels);
             let copy = Arc::new(copy);
             self.textures.insert(address, copy.clone());
             *texture = copy;

@@ -6,7 +6,8 @@ mod pipeline;
 use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline, StepRate};
 use crate::{
     error::{Error, Result},
-    image::Extent,
+    format::Format,
+    image::Shape,
     kept::ByIdentity,
     shader::{Resource, ResourceKind},
     state::{Rect, Viewport},
@@ -240,6 +241,7 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
             ));
         }
     }
+    check_sampling(binding, resource)?;
     match texture {
         Some(texture) if verified.known.textures.insert(Arc::as_ptr(texture) as usize) => {
             check_texture(texture, verified.pass)
@@ -261,20 +263,72 @@ fn check_texture(texture: &Texture, pass: &Pass) -> Fault {
         }
         return Ok(());
     }
-    let Extent { width, height } = texture.extent();
+    let (extent, shape) = (texture.extent(), texture.shape());
     let sides = 1..=TARGET_SIDE_PX;
-    if !sides.contains(&width) || !sides.contains(&height) {
-        return Err(format!("is {} texels; each side is 1 to {TARGET_SIDE_PX}", texture.extent()));
+    if !sides.contains(&extent.width) || !sides.contains(&extent.height) {
+        return Err(format!("is {extent} texels; each side is 1 to {TARGET_SIDE_PX}"));
     }
-    let (levels, most) = (texture.levels().unwrap_or_default(), width.max(height).ilog2() + 1);
+    shape.check(extent)?;
+    let (levels, most) = (texture.levels().unwrap_or_default(), shape.most_levels(extent));
     if !(1..=most as usize).contains(&levels.len()) {
         return Err(format!("has {} levels, not 1 to {most}", levels.len()));
     }
-    for (n, level) in levels.iter().enumerate() {
-        let extent = Extent::new((width >> n).max(1), (height >> n).max(1));
-        let bytes = extent.pixels() * texture.format().texel_bytes();
+    for (n, level) in (0..).zip(levels) {
+        let pictures = shape.pictures(n) as usize;
+        let bytes = extent.level(n).pixels() * pictures * texture.format().texel_bytes();
         if level.len() != bytes {
             return Err(format!("has {} bytes in level {n}, not {bytes}", level.len()));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the shader samples what is bound as it may be sampled.
+fn check_sampling(binding: &Binding, resource: &Resource) -> Fault {
+    let (texture, sampler) = match binding {
+        Binding::Sampled(texture, sampler) => (Some(texture), Some(sampler)),
+        Binding::Texture(texture) => (Some(texture), None),
+        Binding::Sampler(sampler) => (None, Some(sampler)),
+        Binding::Uniform(_) | Binding::Storage(_) => (None, None),
+    };
+    if let Some((texture, image)) = texture.zip(resource.image) {
+        let (label, shape) = (texture.label(), texture.shape());
+        if !image.is(shape) {
+            return Err(format!(
+                "the image is {image} in the shader; texture `{label}` is `Shape::{shape:?}`"
+            ));
+        }
+        if resource.compares && texture.format() != Format::D32Float {
+            return Err(format!(
+                "the shader compares with depths (sampler2DShadow and relatives); texture `{label}` holds colours"
+            ));
+        }
+    }
+    let Some(sampler) = sampler else { return Ok(()) };
+    sampler.check().map_err(|fault| format!("sampler: {fault}"))?;
+    if resource.compares && sampler.compare.is_none() {
+        return Err("the shader compares (sampler2DShadow, samplerShadow and relatives); the sampler has no \
+                    `compare`"
+            .into());
+    }
+    if sampler.unnormalized {
+        if resource.needs_normalized {
+            return Err("the coordinates of the sampler are not normalized; the shader samples with implicit level \
+                        of detail, a comparison, projection or an offset, which Vulkan does not allow then"
+                .into());
+        }
+        if let Some(texture) = texture {
+            let flat = matches!(texture.shape(), Shape::D1 | Shape::D2);
+            let levels = texture
+                .image()
+                .map_or(texture.levels().map_or(0, <[_]>::len), |image| image.levels() as usize);
+            if !flat || levels != 1 {
+                return Err(format!(
+                    "the coordinates of the sampler are not normalized; texture `{}` has layers, three dimensions or \
+                     several levels, which Vulkan does not allow then",
+                    texture.label()
+                ));
+            }
         }
     }
     Ok(())

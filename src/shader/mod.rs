@@ -18,6 +18,7 @@ mod module;
 mod reach;
 mod reflect;
 mod resource;
+mod sampling;
 pub mod splice;
 mod stored;
 #[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
@@ -42,7 +43,7 @@ pub(crate) mod testing {
     }
 }
 
-use crate::{Error, Result};
+use crate::{Error, Result, image::Shape};
 pub use file::FileOptions;
 pub(crate) use resource::ResourceArray;
 use std::fmt;
@@ -179,6 +180,35 @@ pub enum Dimension {
     Other,
 }
 
+impl ImageShape {
+    /// Whether it is an image of this shape.
+    pub fn is(&self, shape: Shape) -> bool {
+        let (dimension, arrayed) = match shape {
+            Shape::D1 => (Dimension::D1, false),
+            Shape::D1Array(_) => (Dimension::D1, true),
+            Shape::D2 => (Dimension::D2, false),
+            Shape::D2Array(_) => (Dimension::D2, true),
+            Shape::D3(_) => (Dimension::D3, false),
+            Shape::Cube => (Dimension::Cube, false),
+            Shape::CubeArray(_) => (Dimension::Cube, true),
+        };
+        (self.dimension, self.arrayed) == (dimension, arrayed)
+    }
+}
+
+impl fmt::Display for ImageShape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let dimension = match self.dimension {
+            Dimension::D1 => "one-dimensional",
+            Dimension::D2 => "two-dimensional",
+            Dimension::D3 => "three-dimensional",
+            Dimension::Cube => "a cube",
+            Dimension::Other => "of another kind",
+        };
+        write!(f, "{dimension}{}", if self.arrayed { ", with layers" } else { "" })
+    }
+}
+
 /// The kind of an image that a shader declares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ImageShape {
@@ -209,6 +239,11 @@ pub struct Resource {
     pub bytes: u32,
     /// Images: the kind that the shader declares.
     pub image: Option<ImageShape>,
+    /// Images and samplers: whether the shader samples with a comparison (`sampler2DShadow` and relatives).
+    pub compares: bool,
+    /// Images and samplers: whether the shader samples in a way for which coordinates have to be normalized: with implicit
+    /// level of detail, a comparison, projection or an offset.
+    pub needs_normalized: bool,
 }
 
 /// How a fragment input is interpolated from the vertices of its triangle.

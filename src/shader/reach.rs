@@ -1,6 +1,6 @@
 //! Refuses shaders that declare something which no pass can provide.
 //!
-//! A pass binds blocks, two-dimensional textures of floats, and samplers that do not compare. It draws
+//! A pass binds blocks, textures of floats, and samplers. It draws
 //! triangles, and nothing in it has an address. A shader that asks for more is a valid module, and could be
 //! spliced; but the things that it asks for would be undefined, and drivers crash on some of them.
 //!
@@ -9,7 +9,7 @@
 
 use super::{
     Stage,
-    module::{Index, Outcome, ids},
+    module::{Index, Outcome},
     usage::Usage,
 };
 use rspirv::{
@@ -31,11 +31,6 @@ pub(super) fn refusal(index: &Index, usage: &Usage, stage: Stage) -> Outcome<Opt
         };
         if refusal.is_some() {
             return Ok(refusal);
-        }
-    }
-    for instruction in usage.instructions() {
-        if compares(instruction.class.opcode) {
-            return Ok(Some(comparison(index, usage, instruction)));
         }
     }
     let by_address = |i: &Instruction| {
@@ -60,12 +55,20 @@ fn resource(index: &Index, id: Word, ty: Word) -> Outcome<Option<String>> {
         Op::TypeImage => (element, false),
         _ => return Ok(None),
     };
-    let name = glsl_type(index, image, with_sampler)?;
-    if matches!(name.as_str(), "sampler2D" | "texture2D") {
+    let texel = index.id_operand(image, 0)?;
+    let dimension = index.def(image)?.operands.get(1);
+    let known = matches!(
+        dimension,
+        Some(Operand::Dim(Dim::Dim1D | Dim::Dim2D | Dim::Dim3D | Dim::DimCube))
+    );
+    // Operand 4 of OpTypeImage: 1 has several samples a texel. Operand 5: 2 is read and written without a sampler.
+    let sampled = index.number(image, 4)? == 0 && index.number(image, 5)? != 2;
+    if known && sampled && index.op(texel)? == Op::TypeFloat {
         return Ok(None);
     }
-    let possible = "the textures of a pass have two dimensions, one layer and float texels: sampler2D, or \
-                    texture2D and sampler";
+    let name = glsl_type(index, image, with_sampler)?;
+    let possible = "the textures of a pass have float texels and one sample a texel: sampler2D, texture2D and their \
+                    relatives of other dimensions";
     Ok(Some(format!("{} is a {name}; {possible}", place(index, id))))
 }
 
@@ -125,39 +128,6 @@ fn point_coordinate(index: &Index, id: Word) -> Option<String> {
     })
 }
 
-fn compares(op: Op) -> bool {
-    matches!(
-        op,
-        Op::ImageSampleDrefImplicitLod
-            | Op::ImageSampleDrefExplicitLod
-            | Op::ImageSampleProjDrefImplicitLod
-            | Op::ImageSampleProjDrefExplicitLod
-            | Op::ImageDrefGather
-    )
-}
-
-/// The sentence for sampling with a comparison; it names the sampler if that is found on a straight way.
-fn comparison(index: &Index, usage: &Usage, sample: &Instruction) -> String {
-    let defined = |id: Word| usage.instructions().find(|i| i.result_id == Some(id));
-    let mut from = ids(sample).next();
-    let sampler = loop {
-        let Some(id) = from else { break None };
-        let Some(i) = defined(id) else { break index.def(id).ok().map(|_| id) };
-        // Of an image and its sampler, the sampler comes second.
-        from = match i.class.opcode {
-            Op::SampledImage => ids(i).nth(1),
-            Op::Load | Op::AccessChain | Op::InBoundsAccessChain | Op::CopyObject => ids(i).next(),
-            _ => break None,
-        };
-    };
-    let is_bound = |id: &Word| index.literal(*id, Decoration::Binding).is_some();
-    let what = match sampler.filter(is_bound) {
-        Some(id) => format!("{} is a samplerShadow", place(index, id)),
-        None => "it samples with a comparison (samplerShadow)".into(),
-    };
-    format!("{what}; the samplers of a pass do not compare: sampler")
-}
-
 #[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use crate::shader::{Shader, Stage};
@@ -180,31 +150,22 @@ mod tests {
     fn each_kind_of_image_is_refused_by_its_name() {
         let at = "layout(set = 1, binding = 7)";
         for (ty, use_of) in [
-            ("sampler1D", "texture(odd, 0.5)"),
-            ("sampler3D", "texture(odd, vec3(0.5))"),
-            ("samplerCube", "texture(odd, vec3(0.5))"),
-            ("sampler1DArray", "texture(odd, vec2(0.5))"),
-            ("sampler2DArray", "texture(odd, vec3(0.5))"),
-            ("samplerCubeArray", "texture(odd, vec4(0.5))"),
-            ("sampler2DShadow", "texture(odd, vec3(0.5))"),
-            ("samplerCubeShadow", "texture(odd, vec4(0.5))"),
-            ("sampler2DArrayShadow", "texture(odd, vec4(0.5))"),
             ("sampler2DMS", "texelFetch(odd, ivec2(0), 0)"),
+            ("sampler2DMSArray", "texelFetch(odd, ivec3(0), 0)"),
             ("isampler2D", "texture(odd, vec2(0.5))"),
             ("usampler3D", "texture(odd, vec3(0.5))"),
+            ("isamplerCubeArray", "texture(odd, vec4(0.5))"),
             ("samplerBuffer", "texelFetch(odd, 0)"),
-            ("texture3D", "texelFetch(odd, ivec3(0), 0)"),
             ("utexture2D", "texelFetch(odd, ivec2(0), 0)"),
-            ("texture2DArray", "texelFetch(odd, ivec3(0), 0)"),
         ] {
             let text = reason(&format!("{at} uniform {ty} odd;"), use_of).expect(ty);
             let sentence =
                 format!("shader `odd.frag`: `odd` (set 1, binding 7) is a {ty}; the textures");
             assert!(text.starts_with(&sentence), "{text}");
-            assert!(text.contains("sampler2D, or texture2D and sampler"), "{text}");
+            assert!(text.contains("sampler2D, texture2D and their"), "{text}");
         }
-        let text = reason(&format!("{at} uniform samplerCube odd[];"), "texture(odd[3], vec3(1))");
-        assert!(text.unwrap().contains("`odd` (set 1, binding 7) is a samplerCube"));
+        let text = reason(&format!("{at} uniform isampler1D odd[];"), "texture(odd[3], 1)");
+        assert!(text.unwrap().contains("`odd` (set 1, binding 7) is a isampler1D"));
         let image = "layout(set = 0, binding = 2, rgba8) uniform image2D odd;";
         let text = reason(image, "imageLoad(odd, ivec2(0))").unwrap();
         assert!(text.contains("`odd` (set 0, binding 2) is a image2D"), "{text}");
@@ -214,18 +175,22 @@ mod tests {
     }
 
     #[test]
-    fn samplers_that_compare_are_refused() {
-        let declared = "layout(binding = 0) uniform texture2D depth;
-            layout(binding = 1) uniform samplerShadow comparing;";
-        let direct = "texture(sampler2DShadow(depth, comparing), vec3(0.5))";
-        let text = reason(declared, direct).unwrap();
-        assert!(text.contains("`comparing` (set 0, binding 1) is a samplerShadow"), "{text}");
-        let through = format!(
-            "{declared}
-            float at(texture2D t, samplerShadow s) {{ return texture(sampler2DShadow(t, s), vec3(0.5)); }}"
-        );
-        let text = reason(&through, "at(depth, comparing)").unwrap();
-        assert!(text.contains("samplerShadow"), "{text}");
+    fn each_kind_of_float_texture_is_accepted() {
+        for (ty, use_of) in [
+            ("sampler1D", "texture(odd, 0.5)"),
+            ("sampler3D", "texture(odd, vec3(0.5))"),
+            ("samplerCube", "texture(odd, vec3(0.5))"),
+            ("sampler1DArray", "texture(odd, vec2(0.5))"),
+            ("sampler2DArray", "texture(odd, vec3(0.5))"),
+            ("samplerCubeArray", "texture(odd, vec4(0.5))"),
+            ("sampler2DShadow", "texture(odd, vec3(0.5))"),
+            ("samplerCubeShadow", "texture(odd, vec4(0.5))"),
+            ("sampler2DArrayShadow", "texture(odd, vec4(0.5))"),
+            ("texture3D", "texelFetch(odd, ivec3(0), 0)"),
+            ("texture2DArray", "texelFetch(odd, ivec3(0), 0)"),
+        ] {
+            assert_eq!(reason(&format!("layout(binding = 7) uniform {ty} odd;"), use_of), None);
+        }
     }
 
     #[test]
@@ -240,7 +205,7 @@ mod tests {
 
     #[test]
     fn what_is_declared_and_not_used_is_no_reason() {
-        assert_eq!(reason("layout(binding = 0) uniform samplerCube odd;", "1"), None);
+        assert_eq!(reason("layout(binding = 0) uniform isampler2D odd;", "1"), None);
         let plain = "layout(binding = 0) uniform sampler2D a;
             layout(binding = 1) uniform texture2D b;
             layout(binding = 2) uniform sampler c;";

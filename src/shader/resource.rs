@@ -7,6 +7,7 @@
 use super::{
     Dimension, ImageShape, Resource, ResourceKind, Scalar, block, interface,
     module::{Index, Outcome},
+    sampling::{Sampling, sampling},
     usage::Usage,
 };
 use rspirv::{
@@ -49,6 +50,7 @@ struct Declared {
 pub(super) fn bound(index: &Index, usage: &Usage) -> Outcome<Bound> {
     let mut found: Vec<Declared> = Vec::new();
     let mut bound = Bound::default();
+    let sampling = sampling(usage);
     for variable in usage.variables(index) {
         let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
             continue;
@@ -60,7 +62,11 @@ pub(super) fn bound(index: &Index, usage: &Usage) -> Outcome<Bound> {
             }
             StorageClass::PushConstant => bound.push_constants = Some(id),
             StorageClass::UniformConstant | StorageClass::Uniform | StorageClass::StorageBuffer => {
-                found.push(resource(index, id, class, ty, &mut bound.lengths)?);
+                let mut declared = resource(index, id, class, ty, &mut bound.lengths)?;
+                let Sampling { compares, needs_normalized } =
+                    sampling.get(&id).copied().unwrap_or_default();
+                declared.resource = Resource { compares, needs_normalized, ..declared.resource };
+                found.push(declared);
             }
             _ => {}
         }
@@ -104,6 +110,16 @@ fn merge(known: &mut Resource, other: &Resource) -> Outcome<()> {
     let open = known.count == 0 || other.count == 0;
     known.count = if open { 0 } else { known.count.max(other.count) };
     known.bytes = known.bytes.max(other.bytes);
+    known.compares |= other.compares;
+    known.needs_normalized |= other.needs_normalized;
+    if let (Some(a), Some(b)) = (known.image, other.image)
+        && (a.dimension, a.arrayed) != (b.dimension, b.arrayed)
+    {
+        let (set, binding) = (known.set, known.binding);
+        return Err(format!(
+            "set {set} binding {binding} is declared as images of two kinds: one is {a}, one is {b}"
+        ));
+    }
     known.image = known.image.or(other.image);
     Ok(())
 }
@@ -161,7 +177,8 @@ fn resource(
         Op::TypeImage => Some(shape(index, element)?),
         _ => None,
     };
-    let resource = Resource { set, binding, kind, count, bytes, image };
+    let (compares, needs_normalized) = (false, false);
+    let resource = Resource { set, binding, kind, count, bytes, image, compares, needs_normalized };
     Ok(Declared { variable: id, resource, is_array: element != ty })
 }
 

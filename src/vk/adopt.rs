@@ -6,12 +6,13 @@
 use super::{
     buffer::{Buffer, RawBuffer},
     gpu::{Gpu, Shared},
-    image::{Image, RawImage},
+    image::Image,
+    raw_image::RawImage,
 };
 use crate::{
     error::{Error, Result},
     format::Format,
-    image::Extent,
+    image::{Extent, Shape},
 };
 use ash::vk;
 use std::sync::Arc;
@@ -50,13 +51,16 @@ pub struct CallerBuffer<'a> {
 
 /// An image of the caller, for [`Image::adopt`].
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct CallerImage<'a> {
     /// For messages.
     pub name: &'a str,
-    /// The image: two-dimensional, one layer, one sample a texel.
+    /// The image, with one sample a texel.
     pub image: vk::Image,
-    /// Size of level 0.
+    /// Size of level 0 of one layer or slice.
     pub extent: Extent,
+    /// Dimensions and layers. Cubes need `VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT`.
+    pub shape: Shape,
     /// Format of a texel.
     pub format: Format,
     /// Mip levels.
@@ -67,6 +71,37 @@ pub struct CallerImage<'a> {
     /// The layout in which each recorded pass finds the image and leaves it. Passes sample images that are in
     /// `SHADER_READ_ONLY_OPTIMAL`, `READ_ONLY_OPTIMAL` or `GENERAL`.
     pub layout: vk::ImageLayout,
+}
+
+impl CallerImage<'_> {
+    /// An image of two dimensions and one level.
+    pub fn new(
+        image: vk::Image,
+        extent: Extent,
+        format: Format,
+        usage: vk::ImageUsageFlags,
+        layout: vk::ImageLayout,
+    ) -> Self {
+        let (name, shape, levels) = ("an image of the caller", Shape::D2, 1);
+        Self { name, image, extent, shape, format, levels, usage, layout }
+    }
+
+    /// The same with other dimensions and layers.
+    pub fn shape(self, shape: Shape) -> Self {
+        Self { shape, ..self }
+    }
+
+    /// The same with so many levels.
+    pub fn levels(self, levels: u32) -> Self {
+        Self { levels, ..self }
+    }
+}
+
+impl<'a> CallerImage<'a> {
+    /// The same with a name for messages.
+    pub fn name(self, name: &'a str) -> Self {
+        Self { name, ..self }
+    }
 }
 
 /// A command buffer of the caller, for [`crate::compute::Renderer::record`].
@@ -176,8 +211,7 @@ impl Image {
     /// An image of the caller, for passes to draw to and to sample ([`super::ImageUse::Attachment`]).
     ///
     /// # Errors
-    /// [`Error::Usage`] for a size without pixels or without levels; [`Error::Device`] for a depth image if the queue does not
-    /// draw; [`Error::Full`] without room for a view.
+    /// As [`Image::new`], and [`Error::Full`] without room for a view.
     ///
     /// # Safety
     /// * The image belongs to the device of `gpu`, has memory bound, and was created with what `image` says. It lives until
@@ -187,10 +221,6 @@ impl Image {
     ///   [`CallerImage::layout`].
     /// * If it holds depths, they are in 0..=1 when a pass loads them.
     pub unsafe fn adopt(gpu: &Gpu, image: &CallerImage<'_>) -> Result<Self> {
-        let CallerImage { name, extent, levels, format, .. } = *image;
-        let what = format!("image `{name}` ({extent})");
-        RawImage::check_size(&what, extent, levels)?;
-        RawImage::check_queue(gpu, &what, format)?;
         // SAFETY: the caller's promise.
         let raw = unsafe { RawImage::adopted(gpu, image)? };
         Ok(Self(Arc::new(raw)))

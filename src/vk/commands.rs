@@ -1,7 +1,8 @@
 //! A command buffer while it is recorded, with all it needs.
 
 use super::{
-    arena::Arena, buffer::Buffer, gpu::Gpu, image::RawImage, recorder::Lists, recording::Timings,
+    arena::Arena, buffer::Buffer, gpu::Gpu, raw_image::RawImage, recorder::Lists,
+    recording::Timings,
 };
 use crate::error::Result;
 use ash::vk;

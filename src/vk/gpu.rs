@@ -7,7 +7,7 @@ use super::{
     instance::Instance,
     limits::{DrawLimits, Limits},
     placeholder::Placeholders,
-    sampler::SamplerKey,
+    sampler::{SamplerKey, SamplerLimits},
     table_sizes::TableSizes,
 };
 use crate::error::{Error, Result};
@@ -52,6 +52,7 @@ pub(crate) struct Shared {
     pub timeout: Duration,
     pub push_constant_bytes: u32,
     pub draw_limits: DrawLimits,
+    pub sampler_limits: SamplerLimits,
     pub lacking: Vec<(Capability, &'static str)>,
     pub debug: Option<ext::debug_utils::Device>,
     /// Whether objects get names.

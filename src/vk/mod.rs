@@ -10,7 +10,7 @@
 //! | `open`, `gpu`, `limits` | opening a device; its queue, memory, layouts, caches; its limits |
 //! | `owner` | which device a handle belongs to: those of two devices are not mixed |
 //! | `access` | turns of host and device: neither touches memory that the other one is using |
-//! | `buffer`, `image`, `sampler` | resources; each is freed when its last user lets go |
+//! | `buffer`, `image`, `raw_image`, `sampler` | resources; each is freed when its last user lets go |
 //! | `kernel`, `reflect` | a compute pipeline and the names its SPIR-V binds |
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
 //! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
@@ -64,6 +64,7 @@ mod limits;
 mod open;
 mod owner;
 mod placeholder;
+mod raw_image;
 mod recorder;
 mod recording;
 mod reflect;
@@ -101,6 +102,8 @@ pub use table_sizes::TableSizes;
 
 pub(crate) use capability::missing_feature;
 pub(crate) use commands::{Commands, Unfinished};
-pub(crate) use image::vk_format;
+pub(crate) use image::Subresource;
 #[cfg(feature = "cli")]
 pub(crate) use inherited::stdout_was_closed;
+pub(crate) use raw_image::vk_format;
+pub(crate) use sampler::compare_op;

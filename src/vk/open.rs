@@ -10,6 +10,7 @@ use super::{
     instance::Instance,
     limits::{draw_limits, limits},
     requirements::Probe,
+    sampler::SamplerLimits,
     table,
     table_sizes::TableSizes,
 };
@@ -193,6 +194,7 @@ impl Gpu {
             timeout: options.timeout,
             push_constant_bytes: probe.properties.limits.max_push_constants_size,
             draw_limits: draw_limits(&probe),
+            sampler_limits: SamplerLimits::new(&probe),
             lacking: capability::lacking(&probe),
             debug,
             names: instance.names,

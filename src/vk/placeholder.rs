@@ -35,7 +35,7 @@ impl Placeholders {
     fn new(gpu: &Gpu) -> Result<Self> {
         let one = |name, usage| {
             let extent = Extent::new(1, 1);
-            let info = ImageInfo { name, extent, format: Format::Rgba8Unorm, levels: 1, usage };
+            let info = ImageInfo::new(name, extent, Format::Rgba8Unorm, usage);
             Image::new(gpu, &info)
         };
         let sampled = one("unused texture slot", ImageUse::Sampled)?;

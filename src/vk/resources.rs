@@ -10,8 +10,9 @@
 use super::{
     buffer::{Buffer, Memory},
     gpu::Gpu,
-    image::{Image, ImageInfo, ImageUse, vk_format},
+    image::{Image, ImageInfo, ImageUse},
     owner::same_device,
+    raw_image::vk_format,
     recorder::Recorder,
     sampler::Sampler,
 };
@@ -19,7 +20,7 @@ use crate::{
     error::{Error, Result},
     format::Format,
     pass::{self, BufferRange},
-    texture::{self, Filter, Texture},
+    texture::{self, Texture},
 };
 use std::{
     collections::HashMap,
@@ -146,13 +147,9 @@ impl Resources {
         let levels = texture.levels().unwrap_or_default();
         let uploaded = Image::new(
             &self.gpu,
-            &ImageInfo {
-                name: texture.label(),
-                extent: texture.extent(),
-                format: texture.format(),
-                levels: levels.len() as u32,
-                usage: ImageUse::Sampled,
-            },
+            &ImageInfo::new(texture.label(), texture.extent(), texture.format(), ImageUse::Sampled)
+                .shape(texture.shape())
+                .levels(levels.len() as u32),
         )?;
         self.pending()?.upload_image(&uploaded, levels)?;
         self.pending_bytes += levels.iter().map(Vec::len).sum::<usize>();
@@ -172,9 +169,9 @@ impl Resources {
         state: &texture::Sampler,
     ) -> Result<(Image, Sampler)> {
         let format = texture.format();
-        let linear = [Some(state.mag), Some(state.min), state.mip].contains(&Some(Filter::Linear));
         // All devices filter the formats of colours.
-        if linear && format == Format::D32Float && !self.gpu.0.filters(vk_format(format)) {
+        if state.is_linear() && format == Format::D32Float && !self.gpu.0.filters(vk_format(format))
+        {
             return Err(Error::Device(format!(
                 "texture `{}` is sampled with a linear filter, and {} filters no depths: use the nearest texel",
                 texture.label(),

@@ -2,14 +2,13 @@
 
 use super::{
     buffer::{Buffer, Memory},
-    image::{Image, ImageUse, level_extent},
+    image::{Image, ImageUse, Subresource},
     owner::same_device,
     recorder::Recorder,
 };
 use crate::{
     error::{Error, Result},
     format::Format,
-    image::Extent,
 };
 use ash::vk;
 use bytemuck::Pod;
@@ -135,8 +134,7 @@ impl Recorder {
         for (n, level) in levels.iter().enumerate() {
             let level = level.as_ref();
             let region = raw.copy_of_level(n as u32, at as u64);
-            let e = region.image_extent;
-            let bytes = e.width as usize * e.height as usize * raw.format.texel_bytes();
+            let bytes = raw.level_bytes(n as u32);
             if level.len() != bytes {
                 return Err(Error::Usage(format!(
                     "image `{}` has {bytes} bytes in level {n}, not {}",
@@ -193,15 +191,14 @@ impl Recorder {
         }
         self.transition(image, raw.shader_layout(), WRITTEN);
         let corner = |level| {
-            let Extent { width, height } = level_extent(raw.extent, level);
-            vk::Offset3D { x: width as i32, y: height as i32, z: 1 }
+            let vk::Extent3D { width, height, depth } = raw.vk_extent(level);
+            vk::Offset3D { x: width as i32, y: height as i32, z: depth as i32 }
         };
         for level in 1..raw.levels {
-            let layers = |level| raw.copy_of_level(level, 0).image_subresource;
             let region = [vk::ImageBlit::default()
-                .src_subresource(layers(level - 1))
+                .src_subresource(raw.layers(level - 1))
                 .src_offsets([vk::Offset3D::default(), corner(level - 1)])
-                .dst_subresource(layers(level))
+                .dst_subresource(raw.layers(level))
                 .dst_offsets([vk::Offset3D::default(), corner(level)])];
             // Also a barrier: a level needs the one above.
             self.commands.transition_levels(raw, level - 1..level, WRITTEN, READ);
@@ -221,47 +218,60 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies mip level `level` of `image` to memory that can be [read](Buffer::read) once the recording has run: rows from
-    /// top to bottom, no padding.
+    /// Copies mip level `level` of `image` to memory that can be [read](Buffer::read) once the recording has run: layer after
+    /// layer or slice after slice, rows from top to bottom, no padding.
     ///
     /// # Errors
     /// [`Error::Usage`] unless the image was made for [`ImageUse::Attachment`] and has the level; [`Error::Capacity`]
     /// without memory for the copy.
     pub fn download_image(&mut self, image: &Image, level: u32) -> Result<Buffer<u8>> {
-        let extent = level_extent(image.extent(), level);
-        let bytes = extent.pixels() * image.format().texel_bytes();
+        let raw = &image.0;
+        raw.check_subresource(Subresource { level, layer: 0 })?;
         let name = format!("download of {}", image.name());
-        let copy = Buffer::new(&self.gpu, &name, bytes, Memory::Readback)?;
-        self.copy_from_image(image, level, 0..extent.height, &copy)?;
+        let copy = Buffer::new(&self.gpu, &name, raw.level_bytes(level), Memory::Readback)?;
+        raw.check_copied(true, false)?;
+        self.check_content(image)?;
+        let region = [raw.copy_of_level(level, 0)];
+        self.copy_regions_from_image(image, &region, &copy);
         Ok(copy)
     }
 
-    /// Copies `rows` of mip level `level` of `image` to the start of `to`.
+    /// Copies `rows` of a subresource of `image` to the start of `to`.
     ///
     /// # Errors
     /// As [`Recorder::download_image`].
     pub(crate) fn copy_from_image(
         &mut self,
         image: &Image,
-        level: u32,
+        subresource: Subresource,
         rows: Range<u32>,
         to: &Buffer<u8>,
     ) -> Result<()> {
         image.0.check_copied(true, false)?;
-        let region = [self.copy_of_rows(image, level, rows, to)?];
-        self.barrier();
-        self.transition(image, image.0.shader_layout(), READ);
-        // SAFETY: the rows are in the image, and the buffer has room for them.
-        unsafe {
-            let (from, to) = (image.0.handle, to.raw().handle);
-            self.gpu.0.device.cmd_copy_image_to_buffer(self.commands.raw, from, READ, to, &region);
-        }
-        self.transition(image, READ, image.0.shader_layout());
-        self.commands.keep(to.raw().clone());
+        let region = [self.copy_of_rows(image, subresource, rows, to)?];
+        self.copy_regions_from_image(image, &region, to);
         Ok(())
     }
 
-    /// Copies the first elements of `from` to `rows` of level 0 of `image`. If it holds depths, these are in 0..=1.
+    /// Copies `regions`, which are in `image`, and for which `to` has room.
+    fn copy_regions_from_image(
+        &mut self,
+        image: &Image,
+        regions: &[vk::BufferImageCopy],
+        to: &Buffer<u8>,
+    ) {
+        self.barrier();
+        self.transition(image, image.0.shader_layout(), READ);
+        // SAFETY: the regions are in the image, and the buffer has room for them.
+        unsafe {
+            let (from, to) = (image.0.handle, to.raw().handle);
+            self.gpu.0.device.cmd_copy_image_to_buffer(self.commands.raw, from, READ, to, regions);
+        }
+        self.transition(image, READ, image.0.shader_layout());
+        self.commands.keep(to.raw().clone());
+    }
+
+    /// Copies the first elements of `from` to `rows` of a subresource of `image`. If it holds depths, these are in 0..=1.
     ///
     /// # Errors
     /// As [`Recorder::download_image`].
@@ -269,10 +279,11 @@ impl Recorder {
         &mut self,
         from: &Buffer<u8>,
         image: &Image,
+        subresource: Subresource,
         rows: Range<u32>,
     ) -> Result<()> {
         image.0.check_copied(false, true)?;
-        let region = [self.copy_of_rows(image, 0, rows, from)?];
+        let region = [self.copy_of_rows(image, subresource, rows, from)?];
         self.barrier();
         self.transition(image, image.0.shader_layout(), WRITTEN);
         // SAFETY: the rows are in the image, and the buffer has all of them.
@@ -291,30 +302,31 @@ impl Recorder {
         Ok(())
     }
 
-    /// The copy between `rows` of mip level `level` of `image` and the start of `buffer`.
+    /// Refuses to copy from images that may have no content.
+    fn check_content(&self, image: &Image) -> Result<()> {
+        same_device(self, image)?;
+        match image.usage() {
+            ImageUse::Attachment => Ok(()),
+            ImageUse::Sampled | ImageUse::Storage => Err(Error::Usage(format!(
+                "image `{}` may have no content yet: only those that are made with `ImageUse::Attachment` are copied",
+                image.name()
+            ))),
+        }
+    }
+
+    /// The copy between `rows` of a subresource of `image` and the start of `buffer`.
     fn copy_of_rows(
         &self,
         image: &Image,
-        level: u32,
+        subresource: Subresource,
         rows: Range<u32>,
         buffer: &Buffer<u8>,
     ) -> Result<vk::BufferImageCopy> {
-        same_device(self, image)?;
         same_device(self, buffer)?;
+        self.check_content(image)?;
         let raw = &image.0;
-        if raw.usage != ImageUse::Attachment {
-            return Err(Error::Usage(format!(
-                "image `{}` may have no content yet: only those that are made with `ImageUse::Attachment` are copied",
-                raw.name
-            )));
-        }
-        if level >= raw.levels {
-            let (name, levels) = (&raw.name, raw.levels);
-            return Err(Error::Usage(format!(
-                "image `{name}` has {levels} levels, and no level {level}"
-            )));
-        }
-        let extent = level_extent(raw.extent, level);
+        raw.check_subresource(subresource)?;
+        let extent = raw.extent.level(subresource.level);
         let bytes = rows.len() * extent.width as usize * raw.format.texel_bytes();
         if rows.is_empty() || rows.end > extent.height || buffer.len() < bytes {
             return Err(Error::Usage(format!(
@@ -324,10 +336,7 @@ impl Recorder {
                 buffer.name()
             )));
         }
-        let mut region = raw.copy_of_level(level, buffer.offset());
-        region.image_offset.y = rows.start as i32;
-        region.image_extent.height = rows.len() as u32;
-        Ok(region)
+        Ok(raw.copy_of_rows(subresource, rows, buffer.offset()))
     }
 
     /// Fills a new image with zeros, and leaves it as shaders expect it.

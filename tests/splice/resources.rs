@@ -66,13 +66,8 @@ fn run_time_arrays_have_lengths() {
 /// A texture of 16 x 16 whose level `n` is `n / 10` everywhere, and a sampler that takes the nearest
 /// level.
 fn levels(gpu: &Gpu) -> (Image, Sampler) {
-    let info = ImageInfo {
-        name: "levels",
-        extent: Extent::new(16, 16),
-        format: Format::Rgba8Unorm,
-        levels: 5,
-        usage: ImageUse::Sampled,
-    };
+    let info = ImageInfo::new("levels", Extent::new(16, 16), Format::Rgba8Unorm, ImageUse::Sampled)
+        .levels(5);
     let image = Image::new(gpu, &info).unwrap();
     let level =
         |n: usize| -> Vec<u8> { vec![(n as f32 * 25.5).round() as u8; 4 * (16 >> n) * (16 >> n)] };

@@ -269,5 +269,6 @@ fn sampler_of(s: &json::texture::Sampler) -> Checks<Sampler> {
         Some(Checked::Valid(MagFilter::Nearest)) => Filter::Nearest,
         Some(Checked::Invalid) => return unknown(),
     };
-    Ok(Sampler { wrap_u: wrap(&s.wrap_s)?, wrap_v: wrap(&s.wrap_t)?, mag, min, mip })
+    let (wrap_u, wrap_v) = (wrap(&s.wrap_s)?, wrap(&s.wrap_t)?);
+    Ok(Sampler { wrap_u, wrap_v, mag, min, mip, ..Sampler::default() })
 }
