@@ -133,6 +133,11 @@ pub enum Binding {
     Texture(Arc<Texture>),
     /// `sampler`.
     Sampler(Sampler),
+    /// `image2D` and its relatives, which shaders read and write: a texture of a device ([`Texture::on_device`]), whose image
+    /// is made for [`crate::vk::ImageUse::Storage`]. What shaders write stays there. Mip level 0, all layers.
+    ///
+    /// As with [`Binding::Storage`], each band of a large target runs vertex shaders again.
+    StorageImage(Arc<Texture>),
 }
 
 /// The resource of one `(set, binding)`; an array of resources where the shader declares an array.

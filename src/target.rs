@@ -64,7 +64,7 @@ impl ColorTarget {
         Self { image: None, level: 0, layer: 0, format, load, store }
     }
 
-    /// A target that is `image`, made for [`vk::ImageUse::Attachment`]: level 0 of layer 0, unless set otherwise.
+    /// A target that is `image`, made for [`vk::ImageUse::Attachment`] or [`vk::ImageUse::Storage`]: level 0 of layer 0, unless set otherwise.
     pub fn on_device(image: &vk::Image, load: LoadOp<[f32; 4]>) -> Self {
         let (image, format) = (Some(image.clone()), image.format());
         Self { image, level: 0, layer: 0, format, load, store: StoreOp::Store }
@@ -196,9 +196,9 @@ fn check<T>(
     }
     if let Some(image) = image {
         let name = image.name();
-        if image.usage() != vk::ImageUse::Attachment {
+        if image.usage() == vk::ImageUse::Sampled {
             return Err(format!(
-                "image `{name}` is no target: those are made with `ImageUse::Attachment`"
+                "image `{name}` is no target: those are made with `ImageUse::Attachment` or `ImageUse::Storage`"
             ));
         }
         image.0.check_subresource(subresource).map_err(|fault| fault.to_string())?;

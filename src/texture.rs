@@ -53,7 +53,7 @@ impl Texture {
         Self { label: label.into(), extent, shape, format, texels: Texels::Host(levels) }
     }
 
-    /// The texture that is `image`, made for [`vk::ImageUse::Attachment`]. Only executors of its device take it. A pass
+    /// The texture that is `image`, made for [`vk::ImageUse::Attachment`] or [`vk::ImageUse::Storage`]. Only executors of its device take it. A pass
     /// cannot sample an image that it draws to. From an image of depths, shaders read the depth as red.
     pub fn on_device(image: &vk::Image) -> Self {
         Self {

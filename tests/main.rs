@@ -32,6 +32,7 @@ mod samplers;
 mod scene;
 mod setup;
 mod splice;
+mod storage_images;
 mod targets;
 mod textures;
 mod tidy;

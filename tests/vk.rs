@@ -363,8 +363,8 @@ fn images_that_cannot_be_are_refused() {
         }
         let mut table = ResourceTable::new(gpu).unwrap();
         let storage = make(4, 2, 1, ImageUse::Storage).unwrap();
-        let error = table.insert_texture(&storage).unwrap_err();
-        assert!(error.to_string().contains("ImageUse::Storage"), "{error}");
+        table.insert_texture(&storage).unwrap();
+        table.insert_storage_image(&storage).unwrap();
         let attachment = make(4, 2, 1, ImageUse::Attachment).unwrap();
         table.insert_texture(&attachment).unwrap();
         let error = table.insert_storage_image(&attachment).unwrap_err();

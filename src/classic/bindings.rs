@@ -146,7 +146,7 @@ impl Bindings {
                         .sampler(sampler.handle),
                 )
             }
-            Binding::Texture(texture) => {
+            Binding::Texture(texture) | Binding::StorageImage(texture) => {
                 let image = resources.texture(texture)?;
                 commands.keep(image.0.clone());
                 Written::Image(

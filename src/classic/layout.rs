@@ -45,6 +45,7 @@ impl Layout {
             (&[ResourceKind::Storage], limits.storages, "storage blocks"),
             (&[ResourceKind::Sampled, ResourceKind::Texture], limits.images, "images"),
             (&[ResourceKind::Sampled, ResourceKind::Sampler], limits.samplers, "samplers"),
+            (&[ResourceKind::StorageImage], limits.storage_images, "storage images"),
         ] {
             let bound = resources.iter().filter(|r| kinds.contains(&r.kind));
             let count: u64 = bound.map(|r| u64::from(r.count)).sum();

@@ -211,6 +211,10 @@ impl<'a> TableSlots<'a> {
                 let image = self.resources.texture(texture)?;
                 self.open_table().insert_texture(&image)
             }
+            Binding::StorageImage(texture) => {
+                let image = self.resources.texture(texture)?;
+                self.open_table().insert_storage_image(&image)
+            }
             Binding::Sampler(sampler) => {
                 let sampler = self.resources.sampler(sampler)?;
                 self.open_table().insert_sampler(&sampler)

@@ -7,7 +7,7 @@ use std::{borrow::Cow, collections::HashMap, sync::Arc};
 impl Pass {
     /// The same pass with all its resources on the host, as they are at this moment. The reference draws such passes,
     /// and so does any device. Commands of indirect draws are draws there. A pass that has neither, nor binds anything of
-    /// a device, is returned as it is.
+    /// a device, is returned as it is. Storage images stay on their device.
     ///
     /// # Errors
     /// As [`Buffer::content`].
@@ -37,6 +37,7 @@ impl Pass {
             Binding::Uniform(range) | Binding::Storage(range) => is_there(range),
             Binding::Sampled(texture, _) | Binding::Texture(texture) => texture.image().is_some(),
             Binding::Sampler(_) => false,
+            Binding::StorageImage(_) => true,
         };
         let all = |set: &BindingSet| {
             set.entries.iter().flat_map(|entry| &entry.resources).any(binds_there)
@@ -103,7 +104,8 @@ impl Copied {
                 Binding::Sampled(texture, _) | Binding::Texture(texture) => {
                     self.texture(texture)?
                 }
-                Binding::Sampler(_) => {}
+                // Shaders write them, so there is no copy that stands for them.
+                Binding::StorageImage(_) | Binding::Sampler(_) => {}
             }
         }
         let copy = Arc::new(copy);

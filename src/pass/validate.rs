@@ -215,6 +215,7 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
         Binding::Sampled(texture, _) => (ResourceKind::Sampled, None, Some(texture)),
         Binding::Texture(texture) => (ResourceKind::Texture, None, Some(texture)),
         Binding::Sampler(_) => (ResourceKind::Sampler, None, None),
+        Binding::StorageImage(texture) => (ResourceKind::StorageImage, None, Some(texture)),
     };
     if kind != resource.kind {
         return Err(format!("it is {} in the shader; {kind} is bound", resource.kind));
@@ -253,13 +254,15 @@ fn check_binding(binding: &Binding, resource: &Resource, verified: &mut Verified
 
 fn check_texture(texture: &Texture, pass: &Pass) -> Fault {
     if let Some(image) = texture.image() {
-        if image.usage() != vk::ImageUse::Attachment {
-            return Err("is an image for something else: passes sample those that are made with `ImageUse::Attachment`".into());
+        if image.usage() == vk::ImageUse::Sampled {
+            return Err("is an image for kernels: passes take those that are made with `ImageUse::Attachment` or \
+                        `ImageUse::Storage`"
+                .into());
         }
         let colors = pass.colors.iter().filter_map(|color| color.image.as_ref());
         let depth = pass.depth.iter().filter_map(|depth| depth.image.as_ref());
         if colors.chain(depth).any(|target| target.is(image)) {
-            return Err("is a target of the pass that samples it: draw to another image".into());
+            return Err("is a target of the pass that binds it: draw to another image".into());
         }
         return Ok(());
     }
@@ -289,6 +292,10 @@ fn check_sampling(binding: &Binding, resource: &Resource) -> Fault {
         Binding::Sampled(texture, sampler) => (Some(texture), Some(sampler)),
         Binding::Texture(texture) => (Some(texture), None),
         Binding::Sampler(sampler) => (None, Some(sampler)),
+        Binding::StorageImage(texture) => {
+            check_storage(texture, resource)?;
+            (Some(texture), None)
+        }
         Binding::Uniform(_) | Binding::Storage(_) => (None, None),
     };
     if let Some((texture, image)) = texture.zip(resource.image) {
@@ -332,6 +339,23 @@ fn check_sampling(binding: &Binding, resource: &Resource) -> Fault {
         }
     }
     Ok(())
+}
+
+/// Checks that shaders may write an image, in the format that the shader declares.
+fn check_storage(texture: &Texture, resource: &Resource) -> Fault {
+    let label = texture.label();
+    if texture.image().is_none_or(|image| image.usage() != vk::ImageUse::Storage) {
+        return Err(format!(
+            "texture `{label}` is no storage image: these are images of a device that are made with `ImageUse::Storage`"
+        ));
+    }
+    match resource.image.and_then(|image| image.format) {
+        Some(format) if format != texture.format() => Err(format!(
+            "the storage image is {format:?} in the shader; `{label}` is {:?}",
+            texture.format()
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn check_range(range: &BufferRange) -> Fault {

@@ -43,7 +43,7 @@ pub(crate) mod testing {
     }
 }
 
-use crate::{Error, Result, image::Shape};
+use crate::{Error, Result, format::Format, image::Shape};
 pub use file::FileOptions;
 pub(crate) use resource::ResourceArray;
 use std::fmt;
@@ -222,6 +222,8 @@ pub struct ImageShape {
     pub shadow: bool,
     /// The type that a read returns.
     pub texel: Scalar,
+    /// Storage images: the format that the shader declares, if it declares one.
+    pub format: Option<Format>,
 }
 
 /// One resource of a shader.

@@ -14,7 +14,7 @@ use super::{
 };
 use rspirv::{
     dr::{Instruction, Operand},
-    spirv::{BuiltIn, Decoration, Dim, Op, StorageClass, Word},
+    spirv::{BuiltIn, Decoration, Dim, ImageFormat, Op, StorageClass, Word},
 };
 
 /// Why no pass can draw with the shader; `None` if one can.
@@ -61,12 +61,22 @@ fn resource(index: &Index, id: Word, ty: Word) -> Outcome<Option<String>> {
         dimension,
         Some(Operand::Dim(Dim::Dim1D | Dim::Dim2D | Dim::Dim3D | Dim::DimCube))
     );
-    // Operand 4 of OpTypeImage: 1 has several samples a texel. Operand 5: 2 is read and written without a sampler.
-    let sampled = index.number(image, 4)? == 0 && index.number(image, 5)? != 2;
-    if known && sampled && index.op(texel)? == Op::TypeFloat {
-        return Ok(None);
-    }
+    // Operand 4 of OpTypeImage: 1 has several samples a texel. Operand 5: 2 is read and written without a sampler. Operand
+    // 6: the format of such an image.
+    let single = index.number(image, 4)? == 0;
     let name = glsl_type(index, image, with_sampler)?;
+    if known && single && index.op(texel)? == Op::TypeFloat {
+        return Ok(match index.def(image)?.operands.get(6) {
+            Some(Operand::ImageFormat(
+                ImageFormat::Unknown | ImageFormat::Rgba8 | ImageFormat::Rgba16f,
+            ))
+            | None => None,
+            Some(format) => Some(format!(
+                "{} is a {name} of the format {format:?}; the storage images of a pass are rgba8 or rgba16f",
+                place(index, id)
+            )),
+        });
+    }
     let possible = "the textures of a pass have float texels and one sample a texel: sampler2D, texture2D and their \
                     relatives of other dimensions";
     Ok(Some(format!("{} is a {name}; {possible}", place(index, id))))
@@ -166,9 +176,11 @@ mod tests {
         }
         let text = reason(&format!("{at} uniform isampler1D odd[];"), "texture(odd[3], 1)");
         assert!(text.unwrap().contains("`odd` (set 1, binding 7) is a isampler1D"));
-        let image = "layout(set = 0, binding = 2, rgba8) uniform image2D odd;";
+        let image = "layout(set = 0, binding = 2, r32f) uniform image2D odd;";
         let text = reason(image, "imageLoad(odd, ivec2(0))").unwrap();
-        assert!(text.contains("`odd` (set 0, binding 2) is a image2D"), "{text}");
+        assert!(text.contains("`odd` (set 0, binding 2) is a image2D of the format"), "{text}");
+        let image = "layout(set = 0, binding = 2, rgba8) uniform image2D odd;";
+        assert_eq!(reason(image, "imageLoad(odd, ivec2(0))"), None);
         let input = "layout(input_attachment_index = 0, binding = 3) uniform subpassInput odd;";
         let text = reason(input, "subpassLoad(odd)").unwrap();
         assert!(text.contains("is a subpassInput"), "{text}");

@@ -10,9 +10,10 @@ use super::{
     sampling::{Sampling, sampling},
     usage::Usage,
 };
+use crate::format::Format;
 use rspirv::{
     dr::Operand,
-    spirv::{Decoration, Dim, Op, StorageClass, Word},
+    spirv::{Decoration, Dim, ImageFormat, Op, StorageClass, Word},
 };
 
 /// The resources of a shader.
@@ -202,5 +203,10 @@ fn shape(index: &Index, image: Word) -> Outcome<ImageShape> {
         arrayed: index.number(image, 3)? == 1,
         multisampled: index.number(image, 4)? == 1,
         texel,
+        format: match index.def(image)?.operands.get(6) {
+            Some(Operand::ImageFormat(ImageFormat::Rgba8)) => Some(Format::Rgba8Unorm),
+            Some(Operand::ImageFormat(ImageFormat::Rgba16f)) => Some(Format::Rgba16Float),
+            _ => None,
+        },
     })
 }

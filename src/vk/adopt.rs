@@ -66,7 +66,8 @@ pub struct CallerImage<'a> {
     /// Mip levels.
     pub levels: u32,
     /// The usage that it was created with. Passes store to an image that has `TRANSFER_DST`, load from one that has
-    /// `TRANSFER_SRC`, and sample one that has `SAMPLED`. The classic executor draws to one that is an attachment.
+    /// `TRANSFER_SRC`, sample one that has `SAMPLED`, and bind one as a storage image that has `STORAGE` and the layout
+    /// `GENERAL`. The classic executor draws to one that is an attachment.
     pub usage: vk::ImageUsageFlags,
     /// The layout in which each recorded pass finds the image and leaves it. Passes sample images that are in
     /// `SHADER_READ_ONLY_OPTIMAL`, `READ_ONLY_OPTIMAL` or `GENERAL`.

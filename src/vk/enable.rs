@@ -217,6 +217,7 @@ const PARTS: &[Part] = &[
         compute_full_subgroups, subgroup_size_control),
     part!(PhysicalDeviceDynamicRenderingFeatures, 2, v13:
         dynamic_rendering),
+    part!(PhysicalDeviceImageRobustnessFeatures, 2, v13: robust_image_access),
     part!(PhysicalDeviceMaintenance4Features, 2, v13: maintenance4),
     part!(PhysicalDeviceShaderDemoteToHelperInvocationFeatures, 2, v13:
         shader_demote_to_helper_invocation),

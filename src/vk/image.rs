@@ -20,7 +20,9 @@ pub enum ImageUse {
     /// Uploaded once, then sampled by kernels of yours through a [`super::ResourceTable`]. Passes sample textures of the
     /// host ([`crate::texture::Texture::new`]) and images for [`ImageUse::Attachment`].
     Sampled,
-    /// Read and written by kernels of yours as a storage image, through a [`super::ResourceTable`].
+    /// Read and written as a storage image by shaders of passes ([`crate::pass::Binding::StorageImage`]) and by kernels of
+    /// yours (a [`super::ResourceTable`]), and everything that [`ImageUse::Attachment`] is for. Devices draw to such images
+    /// and sample them more slowly. [`Format::Rgba8Srgb`] and depths are not written so.
     Storage,
     /// Drawn to by passes and sampled by their shaders, as often as wanted; also a texture that the host uploads. It can be uploaded and read back at any time, and
     /// holds zeros until something else is written.
@@ -74,7 +76,7 @@ pub(crate) struct Subresource {
 pub struct Image(pub(crate) Arc<RawImage>);
 
 impl Image {
-    /// An image. It has no content yet, unless it is for [`ImageUse::Attachment`].
+    /// An image. It holds zeros, unless it is for [`ImageUse::Sampled`]: that has no content yet.
     ///
     /// # Errors
     /// [`crate::Error::Usage`] if a side has no pixels, if extent and shape do not fit each other, if there are no levels, or if
@@ -84,7 +86,7 @@ impl Image {
     /// one copy it.
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let image = Self(Arc::new(RawImage::new(gpu, info)?));
-        if info.usage == ImageUse::Attachment {
+        if info.usage != ImageUse::Sampled {
             let mut recorder = Recorder::new(gpu, "clear of a new image")?;
             recorder.clear_image(&image);
             recorder.submit()?;

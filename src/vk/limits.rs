@@ -40,6 +40,7 @@ pub(crate) struct DrawLimits {
     pub uniforms: u32,
     pub storages: u32,
     pub images: u32,
+    pub storage_images: u32,
     pub samplers: u32,
     /// Bytes of a uniform block.
     pub uniform_bytes: u32,
@@ -61,6 +62,7 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         uniforms: l.max_per_stage_descriptor_uniform_buffers,
         storages: l.max_per_stage_descriptor_storage_buffers,
         images: l.max_per_stage_descriptor_sampled_images,
+        storage_images: l.max_per_stage_descriptor_storage_images,
         samplers: l.max_per_stage_descriptor_samplers,
         uniform_bytes: l.max_uniform_buffer_range,
         vertex_bindings: l.max_vertex_input_bindings,

@@ -47,7 +47,7 @@ impl RawImage {
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", info.name, info.extent);
         Self::check(gpu, &what, (info.extent, info.shape, info.levels), info.format)?;
-        let attached = info.usage == ImageUse::Attachment && gpu.has_graphics();
+        let attached = info.usage != ImageUse::Sampled && gpu.has_graphics();
         if attached && info.extent.width.max(info.extent.height) > gpu.limits().target_side_px {
             return Err(Error::Full(format!(
                 "{what} is larger than {} allows: targets have at most {} pixels a side",
@@ -59,7 +59,7 @@ impl RawImage {
         let mut flags = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
         flags |= match info.usage {
             ImageUse::Sampled | ImageUse::Attachment => vk::ImageUsageFlags::SAMPLED,
-            ImageUse::Storage => vk::ImageUsageFlags::STORAGE,
+            ImageUse::Storage => vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::SAMPLED,
         };
         if attached {
             flags |= attachment_flag(info.format);
@@ -148,7 +148,10 @@ impl RawImage {
             shape: image.shape,
             format: image.format,
             levels: image.levels,
-            usage: ImageUse::Attachment,
+            usage: match image.usage.contains(vk::ImageUsageFlags::STORAGE) {
+                true if image.layout == vk::ImageLayout::GENERAL => ImageUse::Storage,
+                _ => ImageUse::Attachment,
+            },
             flags: image.usage,
             layout: image.layout,
             allocation: None,

@@ -224,9 +224,12 @@ pub const REQUIREMENTS: &[Requirement] = &[
         check: nothing_else,
     },
     Requirement {
-        name: "robustBufferAccess",
-        why: "shaders that index beyond a block reach no other memory",
-        features: &[named!("robustBufferAccess", core.robust_buffer_access)],
+        name: "robustBufferAccess and robustImageAccess",
+        why: "shaders that index beyond a block or an image reach no other memory",
+        features: &[
+            named!("robustBufferAccess", core.robust_buffer_access),
+            named!("robustImageAccess", v13.robust_image_access),
+        ],
         check: nothing_else,
     },
     Requirement {

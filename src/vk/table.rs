@@ -301,7 +301,7 @@ impl ResourceTable {
             return Ok(slot);
         }
         let (usage, storage) = (image.usage(), key.0 == 3);
-        if (usage == ImageUse::Storage) != storage {
+        if storage && usage != ImageUse::Storage {
             return Err(Error::Usage(format!(
                 "image `{}`, made with `ImageUse::{usage:?}`, cannot be one of the table's {}",
                 image.name(),

@@ -169,15 +169,15 @@ impl Recorder {
     /// texels may differ a little from device to device.
     ///
     /// # Errors
-    /// [`Error::Usage`] unless the image was made for [`ImageUse::Attachment`] and holds colours; [`Error::Device`] if the
+    /// [`Error::Usage`] if the image was made for [`ImageUse::Sampled`] or holds depths; [`Error::Device`] if the
     /// device computes but does not draw: Vulkan lets such a device filter nothing.
     pub fn make_levels(&mut self, image: &Image) -> Result<()> {
         same_device(self, image)?;
         let raw = &image.0;
-        if raw.usage != ImageUse::Attachment || raw.format == Format::D32Float {
+        if raw.usage == ImageUse::Sampled || raw.format == Format::D32Float {
             return Err(Error::Usage(format!(
                 "image `{}` ({:?}, `ImageUse::{:?}`) gets no levels: they are made of colours in images that are made \
-                 with `ImageUse::Attachment`",
+                 with `ImageUse::Attachment` or `ImageUse::Storage`",
                 raw.name, raw.format, raw.usage
             )));
         }
@@ -222,7 +222,7 @@ impl Recorder {
     /// layer or slice after slice, rows from top to bottom, no padding.
     ///
     /// # Errors
-    /// [`Error::Usage`] unless the image was made for [`ImageUse::Attachment`] and has the level; [`Error::Capacity`]
+    /// [`Error::Usage`] if the image was made for [`ImageUse::Sampled`] or has no such level; [`Error::Capacity`]
     /// without memory for the copy.
     pub fn download_image(&mut self, image: &Image, level: u32) -> Result<Buffer<u8>> {
         let raw = &image.0;
@@ -306,9 +306,10 @@ impl Recorder {
     fn check_content(&self, image: &Image) -> Result<()> {
         same_device(self, image)?;
         match image.usage() {
-            ImageUse::Attachment => Ok(()),
-            ImageUse::Sampled | ImageUse::Storage => Err(Error::Usage(format!(
-                "image `{}` may have no content yet: only those that are made with `ImageUse::Attachment` are copied",
+            ImageUse::Attachment | ImageUse::Storage => Ok(()),
+            ImageUse::Sampled => Err(Error::Usage(format!(
+                "image `{}` may have no content yet: it was made with `ImageUse::Sampled`, and only those for \
+                 `ImageUse::Attachment` or `ImageUse::Storage` are copied",
                 image.name()
             ))),
         }
