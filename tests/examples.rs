@@ -4,6 +4,9 @@ use crate::common::{gpu, on_each_gpu};
 use tilewright::{image::Extent, vk::Gpu};
 
 #[allow(dead_code)]
+#[path = "../examples/gbuffer.rs"]
+mod gbuffer;
+#[allow(dead_code)]
 #[path = "../examples/particles.rs"]
 mod particles;
 #[allow(dead_code)]
@@ -46,6 +49,24 @@ fn boxes_throw_shadows() {
     let (lit, shadowed) = floor(&gpu());
     assert!(lit > 10_000, "{lit} pixels of the floor are lit");
     assert!((1500..6000).contains(&shadowed), "{shadowed} pixels of the floor are in shadow");
+}
+
+/// The depths of two passes are equal, so that no pixel of a surface is lost between them.
+#[test]
+fn the_gbuffer_has_no_holes() {
+    on_each_gpu("the G-buffer has no holes", |gpu| {
+        let extent = Extent::new(400, 250);
+        let picture = gbuffer::draw(gpu, extent).unwrap();
+        let background = picture.texel(2, 2).to_vec();
+        let is_lit = |x: u32, y: u32| picture.texel(x, y) != background;
+        let all = || (3..250).flat_map(|y| (3..397).map(move |x| (x, y)));
+        let lit = all().filter(|&(x, y)| is_lit(x, y)).count();
+        assert!((20_000..35_000).contains(&lit), "{lit} pixels are lit");
+        let between =
+            |x, y| !is_lit(x, y) && (is_lit(x - 1, y) || is_lit(x - 2, y)) && is_lit(x + 1, y);
+        let holes = all().filter(|&(x, y)| between(x, y)).count();
+        assert!(holes < 10, "{holes} holes");
+    });
 }
 
 #[test]
