@@ -127,11 +127,11 @@ pub enum Binding {
     /// of a buffer of the host again, and runs vertex shaders again, which Vulkan allows. Fragment shaders run once
     /// for each fragment in any case.
     Storage(BufferRange),
-    /// `sampler2D`.
+    /// `sampler2D` and its relatives: other dimensions, cubes, arrays, and with a comparison ([`Sampler::compare`]).
     Sampled(Arc<Texture>, Sampler),
-    /// `texture2D`.
+    /// `texture2D` and its relatives.
     Texture(Arc<Texture>),
-    /// `sampler`.
+    /// `sampler` and `samplerShadow`.
     Sampler(Sampler),
     /// `image2D` and its relatives, which shaders read and write: a texture of a device ([`Texture::on_device`]), whose image
     /// is made for [`crate::vk::ImageUse::Storage`]. What shaders write stays there. Mip level 0, all layers.

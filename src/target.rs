@@ -47,7 +47,8 @@ pub struct ColorTarget {
     pub image: Option<vk::Image>,
     /// The mip level that is drawn to, which has the extent of the pass.
     pub level: u32,
-    /// The layer that is drawn to: of a cube a face, of an image of three dimensions a slice.
+    /// The layer that is drawn to: of a cube a face in the order of [`image::Shape::Cube`], of an image of three dimensions a
+    /// slice.
     pub layer: u32,
     /// [`Format::Rgba8Unorm`], [`Format::Rgba8Srgb`] or [`Format::Rgba16Float`]; that of the image, if there is one.
     pub format: Format,
@@ -68,6 +69,16 @@ impl ColorTarget {
     pub fn on_device(image: &vk::Image, load: LoadOp<[f32; 4]>) -> Self {
         let (image, format) = (Some(image.clone()), image.format());
         Self { image, level: 0, layer: 0, format, load, store: StoreOp::Store }
+    }
+
+    /// The same target, in mip level `level`.
+    pub fn level(self, level: u32) -> Self {
+        Self { level, ..self }
+    }
+
+    /// The same target, in layer `layer`.
+    pub fn layer(self, layer: u32) -> Self {
+        Self { layer, ..self }
     }
 
     /// The level and the layer that are drawn to.
@@ -107,6 +118,16 @@ impl DepthTarget {
     /// As [`ColorTarget::on_device`].
     pub fn on_device(image: &vk::Image, load: LoadOp<f32>) -> Self {
         Self { image: Some(image.clone()), level: 0, layer: 0, load, store: StoreOp::Store }
+    }
+
+    /// As [`ColorTarget::level()`].
+    pub fn level(self, level: u32) -> Self {
+        Self { level, ..self }
+    }
+
+    /// As [`ColorTarget::layer()`].
+    pub fn layer(self, layer: u32) -> Self {
+        Self { layer, ..self }
     }
 
     /// The level and the layer that are drawn to.

@@ -321,6 +321,9 @@ fn buffers_and_images_that_lack_a_usage_are_refused_where_it_matters() {
     };
     let clear = || LoadOp::Clear([0.0; 4]);
     let sampled = vk::ImageUsageFlags::SAMPLED;
+    for layout in [UNDEFINED, vk::ImageLayout::PREINITIALIZED] {
+        refused(image(COPIED, layout).map(drop), &["`mine`", "layout"]);
+    }
     let unsampled = image(COPIED, GENERAL).unwrap();
     let only_written = image(vk::ImageUsageFlags::TRANSFER_DST, GENERAL).unwrap();
     let only_read = image(sampled | vk::ImageUsageFlags::TRANSFER_SRC, GENERAL).unwrap();

@@ -77,7 +77,7 @@ fn a_pass_finds_its_pipeline_compiled() {
                 };
                 let compiled = compiled.unwrap();
                 // Takes over what a thread has made.
-                renderer.compile(&made(), colors, depth_format).unwrap();
+                drop(renderer.compile(&made(), colors, depth_format).unwrap());
                 let before = renderer.cached().pipelines_made;
                 renderer.render(&pass(made(), color, depth)).unwrap();
                 let after = renderer.cached().pipelines_made;
@@ -85,6 +85,29 @@ fn a_pass_finds_its_pipeline_compiled() {
                 drop(compiled);
             }
         }
+    });
+}
+
+/// Pipelines that are equal have their kernels made once, by whichever thread begins first, and any of them holds them.
+#[test]
+fn equal_pipelines_are_compiled_once_in_the_background() {
+    on_each_gpu("equal pipelines are compiled once in the background", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        let color = [Format::Rgba8Unorm];
+        let made = || pipeline(&fragment(1, true));
+        let started =
+            [0; 3].map(|_| renderer.compile_in_background(&made(), &color, None).unwrap());
+        let [first, second, third] = started.map(|started| started.wait().unwrap());
+        drop((first, third));
+        let other = pass(pipeline(&fragment(2, true)), Some(color[0]), false);
+        for _ in 0..70 {
+            renderer.render(&other).unwrap();
+        }
+        let before = renderer.cached().pipelines_made;
+        assert_eq!(before, 3, "vertex, and two ordered");
+        renderer.render(&pass(made(), Some(color[0]), false)).unwrap();
+        assert_eq!(renderer.cached().pipelines_made, before);
+        drop(second);
     });
 }
 

@@ -109,6 +109,22 @@ fn rare_samplers_sample_as_on_the_device() {
         let texels = Sampler { unnormalized: true, ..Sampler::nearest() };
         let found = draw(texels, 1, "textureLod(image, at.xy * 11 + 3.3, 0)");
         assert_eq!(found.0, 0, "texels: {}", found.1);
+        // A sampler by itself may meet any texture.
+        let apart = pass(
+            "layout(binding = 0) uniform texture2D image; layout(binding = 1) uniform sampler texels;",
+            "textureLod(sampler2D(image, texels), at.xy, 0)",
+            vec![
+                Binding::Texture(Arc::new(Texture::new(
+                    "rare",
+                    extent,
+                    Format::Rgba8Unorm,
+                    vec![vec![0; 1024]],
+                ))),
+                Binding::Sampler(texels),
+            ],
+        );
+        let fault = tilewright::compute::Renderer::new(gpu).unwrap().render(&apart).map(drop);
+        assert!(fault.unwrap_err().to_string().contains("together with its texture"));
         let steep = "texture(image, vec2(at.x * 9, at.y * 0.7))";
         let long = Sampler { anisotropy: 4.0, ..Sampler::default() };
         let mirrored = Sampler { wrap_u: Wrap::MirrorClampToEdge, ..Sampler::nearest() };

@@ -365,6 +365,18 @@ fn what_does_not_fit_is_refused_by_name() {
         refused("sampler2D", flat, Shape::D2, 1, texels, &["not normalized", "implicit level"]);
         let given = "textureLod(image, at.xy, 0)";
         refused("sampler2D", given, Shape::D2, 2, texels, &["not normalized", "several levels"]);
+        let mut table = tilewright::vk::ResourceTable::new(gpu).unwrap();
+        for shape in [Shape::D2Array(2), Shape::D3(2), Shape::Cube] {
+            let info =
+                ImageInfo::new("odd", Extent::new(4, 4), Format::Rgba8Unorm, ImageUse::Attachment);
+            let image = Image::new(gpu, &info.shape(shape)).unwrap();
+            let fault = table.insert_texture(&image).unwrap_err().to_string();
+            assert!(fault.contains("`odd`") && fault.contains("two dimensions"), "{fault}");
+        }
+        for state in [compares, texels] {
+            let sampler = tilewright::vk::Sampler::new(gpu, &state).unwrap();
+            assert!(matches!(table.insert_sampler(&sampler), Err(Error::Usage(_))));
+        }
         let fault = Sampler { mip: Some(Filter::Nearest), ..texels };
         refused("sampler2D", given, Shape::D2, 1, fault, &["not normalized", "`mip` is `None`"]);
         let fault = Sampler { min_lod: 2.0, max_lod: 1.0, ..plain };

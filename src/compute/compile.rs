@@ -9,7 +9,7 @@ use crate::{
     format::Format,
     pass::{Pipeline, check_color_targets},
     plan::PipelineKernels,
-    vk::{Gpu, Kernel},
+    vk::{Gpu, Kernel, generate_code},
 };
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -19,11 +19,13 @@ use std::{
 
 /// A pipeline that was compiled. Its kernels stay as long as somebody holds this.
 #[derive(Clone)]
+#[must_use = "kernels that nobody holds go after 64 passes that do not use them"]
 pub struct Compiled {
     _kernels: Arc<[Kernel]>,
 }
 
 /// A pipeline that a thread compiles, see [`Renderer::compile_in_background`].
+#[must_use = "it has the error, if the pipeline cannot be compiled"]
 pub struct Compilation(Pending);
 
 impl Compilation {
@@ -50,7 +52,12 @@ impl Compilation {
 
 impl Renderer {
     /// Compiles `pipeline` for passes whose targets have these formats, so that the first of them finds it compiled. There is
-    /// no need to: a pass compiles what it needs.
+    /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, the pipeline is
+    /// another one, as with targets of other formats.
+    ///
+    /// Drivers for CPUs generate code when a kernel is dispatched for the first time, which takes longest of all. So on them
+    /// the kernels are dispatched over nothing, and waited for; but not on a device of the caller, whose queue somebody else
+    /// may be using.
     ///
     /// A kernel is known by the content of its shaders. So all pipelines that are equal share their kernels, whoever made
     /// them. They stay as long as somebody holds what is returned, and as [`Renderer`] says otherwise.
@@ -120,44 +127,67 @@ pub(super) struct Outcome {
 }
 
 impl Pending {
-    /// Starts to make the kernels of `wanted` that are not among the `known` ones.
+    /// Starts to make the kernels of `wanted`, those excepted that are `known` or that `earlier` threads make, and has their
+    /// code generated with that of the `plain` ones.
     pub fn start(
         (gpu, width): (&Gpu, u32),
         wanted: Vec<KernelRequest>,
         known: impl FnMut(&KernelRequest) -> Option<Kernel>,
+        (earlier, plain): (Vec<Pending>, Vec<Kernel>),
     ) -> Self {
         let (outcome, ended, thread) = (Mutex::default(), Condvar::new(), Mutex::default());
-        let found: Vec<_> = wanted.iter().map(known).collect();
+        let mut found: Vec<_> = wanted.iter().map(known).collect();
         let pending = Self(Arc::new(State { wanted, outcome, ended, thread }));
-        let (inner, gpu) = (pending.clone(), gpu.clone());
+        let (state, gpu) = (pending.clone(), gpu.clone());
         let work = move || {
+            let wanted = &state.0.wanted;
+            // Each waits for those before it alone, so that nobody waits for ever.
+            for other in earlier {
+                if let Some(outcome) = &*other.wait() {
+                    for (found, request) in found.iter_mut().zip(wanted) {
+                        let made = outcome.made.iter().find(|(made, _)| made == request);
+                        *found = found.take().or(made.map(|(_, kernel)| kernel.clone()));
+                    }
+                }
+            }
             let made = catch_unwind(AssertUnwindSafe(|| {
-                kernels::make_all(&gpu, width, &inner.0.wanted, &found)
+                let made = kernels::make_all(&gpu, width, wanted, &found);
+                match generate_code(&gpu, plain.iter().chain(made.iter().flatten())) {
+                    Ok(()) => made,
+                    Err(fault) => vec![Err(fault)],
+                }
             }));
             let made = made.unwrap_or_else(|_| {
                 vec![Err(Error::Device(format!("{}: a kernel was not made", gpu.info())))]
             });
             let mut outcome = Outcome { made: Vec::new(), fault: None };
-            for (request, made) in inner.0.wanted.iter().zip(made) {
+            for (request, made) in wanted.iter().zip(made) {
                 match made {
                     Ok(kernel) => outcome.made.push((request.clone(), kernel)),
                     Err(fault) => outcome.fault = outcome.fault.or(Some(fault)),
                 }
             }
-            *inner.outcome() = Some(outcome);
-            inner.0.ended.notify_all();
+            // Whoever sees the outcome may close the device.
+            drop((gpu, found, plain));
+            *state.outcome() = Some(outcome);
+            state.0.ended.notify_all();
         };
-        let work = Arc::new(work);
-        let spawned = {
-            let work = work.clone();
-            thread::Builder::new().stack_size(kernels::STACK_BYTES).spawn(move || work())
-        };
-        match spawned {
-            Ok(thread) => {
-                *pending.0.thread.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread)
+        // Where the system refuses a thread, this one does its work.
+        let work: Box<dyn FnOnce() + Send> = Box::new(work);
+        let job = Arc::new(Mutex::new(Some(work)));
+        let run = |job: &Mutex<Option<Box<dyn FnOnce() + Send>>>| {
+            let work = job.lock().unwrap_or_else(PoisonError::into_inner).take();
+            if let Some(work) = work {
+                work();
             }
-            // Where the system refuses a thread, this one does its work.
-            Err(_) => work(),
+        };
+        let of_thread = job.clone();
+        let builder = thread::Builder::new().stack_size(kernels::STACK_BYTES);
+        match builder.spawn(move || run(&of_thread)) {
+            Ok(thread) => {
+                *pending.0.thread.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread);
+            }
+            Err(_) => run(&job),
         }
         pending
     }
@@ -172,20 +202,21 @@ impl Pending {
         self.0.outcome.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for the end of the thread.
+    /// Waits for the end of the thread. Nothing of it is left then: drivers do not survive that a process ends, or that its
+    /// device is closed, while a thread is at work in them.
     pub fn wait(&self) -> MutexGuard<'_, Option<Outcome>> {
-        let outcome = self.outcome();
         let is_open = |outcome: &mut Option<Outcome>| outcome.is_none();
-        self.0.ended.wait_while(outcome, is_open).unwrap_or_else(PoisonError::into_inner)
+        let waited = self.0.ended.wait_while(self.outcome(), is_open);
+        drop(waited.unwrap_or_else(PoisonError::into_inner));
+        let thread = self.0.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        // Another one of these threads may be the one that waits; nobody waits for itself.
+        let _ = thread.map(JoinHandle::join);
+        self.outcome()
     }
 }
 
 impl Drop for Kernels {
     fn drop(&mut self) {
-        // Drivers do not survive that a process ends while a thread is at work in them.
-        for pending in self.pending.drain(..) {
-            let thread = pending.0.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
-            let _ = thread.map(JoinHandle::join);
-        }
+        self.pending.drain(..).for_each(|pending| drop(pending.wait()));
     }
 }

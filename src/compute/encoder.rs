@@ -15,7 +15,10 @@ use crate::{
     },
 };
 use bytemuck::Pod;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::{
+    marker::PhantomData,
+    sync::{Arc, Mutex, PoisonError, Weak},
+};
 
 /// Frames in flight, unless [`Renderer::set_frames_in_flight`] says otherwise: the device runs one while the host records
 /// the other.
@@ -68,10 +71,15 @@ pub struct Encoder<'r> {
     broken: bool,
     /// Whether the commands are the caller's.
     borrowed: bool,
+    /// Makes encoders of two lifetimes two types: who is lent one ([`Renderer::record`]) cannot put another in its place.
+    invariant: PhantomData<fn(&'r ()) -> &'r ()>,
 }
 
 /// Commands of a frame in a command buffer of the caller, see [`Renderer::record`]: holds all that they use. Drop it when
-/// the device is done with the command buffer, and the renderer uses the memory again.
+/// the device is done with the command buffer, and the renderer uses the memory again. To drop it earlier, also by ignoring
+/// it, breaks the promise that was made to [`CallerCommands::new`]: the device then uses memory that is gone. With several
+/// frames in flight, keep it beside the fence of its frame.
+#[must_use = "what the commands use goes with it: keep it until the device is done with them"]
 pub struct Recorded {
     /// `None` once it was given back.
     slot: Option<Slot>,
@@ -102,7 +110,12 @@ impl<'r> Encoder<'r> {
             None => renderer.frames.remove(0),
         };
         let recorder = slot.restart(&renderer.gpu, None)?;
-        Ok(Self { renderer, parts: Some((slot, recorder)), broken: false, borrowed: false })
+        Ok(Self::of(renderer, (slot, recorder), false))
+    }
+
+    fn of(renderer: &'r mut Renderer, parts: (Slot, Recorder), borrowed: bool) -> Self {
+        let (parts, invariant) = (Some(parts), PhantomData);
+        Self { renderer, parts, broken: false, borrowed, invariant }
     }
 
     /// Records into a command buffer of the caller.
@@ -114,7 +127,7 @@ impl<'r> Encoder<'r> {
         let free = renderer.returned.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut slot = free.unwrap_or_else(|| Slot::new(&renderer.gpu));
         let recorder = slot.restart(&renderer.gpu, Some(commands))?;
-        Ok(Self { renderer, parts: Some((slot, recorder)), broken: false, borrowed: true })
+        Ok(Self::of(renderer, (slot, recorder), true))
     }
 
     /// Ends the commands in a command buffer of the caller.

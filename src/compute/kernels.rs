@@ -10,7 +10,7 @@ use crate::{
     prebuilt,
     shader::splice::{Blocks, Derivatives, SpliceOptions, splice},
     state::Compare,
-    vk::{DeviceKind, Gpu, Kernel, KernelInfo},
+    vk::{DeviceKind, Gpu, Kernel, KernelInfo, generate_code},
 };
 use std::{
     collections::HashSet,
@@ -45,6 +45,8 @@ pub struct Kernels {
     made: Kept<KernelRequest, Kernel>,
     /// Kernels that threads make.
     pub(super) pending: Vec<Pending>,
+    /// Whether the driver has generated the code of the kernels without users' shaders.
+    warm: bool,
 }
 
 /// The kernels a plan needs, by the plan's own numbers.
@@ -117,6 +119,7 @@ impl Kernels {
             sort,
             made: Kept::default(),
             pending: Vec::new(),
+            warm: false,
         })
     }
 
@@ -130,16 +133,35 @@ impl Kernels {
     /// # Errors
     /// As [`Kernels::make`].
     pub fn get(&mut self, wanted: Vec<KernelRequest>) -> Result<Vec<Kernel>> {
+        let before = self.made.made();
         self.make(wanted.iter().cloned())?;
-        let get = |wanted| self.made.get(wanted).expect("it was made").clone();
-        Ok(wanted.iter().map(get).collect())
+        let all = wanted.iter().map(|wanted| self.made.get(wanted).expect("it was made").clone());
+        let all: Vec<Kernel> = all.collect();
+        if self.made.made() > before {
+            let plain = self.cold();
+            generate_code(&self.gpu, plain.iter().chain(&all))?;
+        }
+        Ok(all)
+    }
+
+    /// The kernels without users' shaders, if nobody has had their code generated yet.
+    fn cold(&mut self) -> Vec<Kernel> {
+        match std::mem::replace(&mut self.warm, true) {
+            true => Vec::new(),
+            false => {
+                let Self { clear, commands, primitive, scan, scatter, sort, .. } = &*self;
+                [clear, commands, primitive, scan, scatter, sort].map(Kernel::clone).to_vec()
+            }
+        }
     }
 
     /// As [`Kernels::get`], by a thread.
     pub fn start(&mut self, wanted: Vec<KernelRequest>) -> Pending {
         self.take_finished();
+        let earlier = self.pending.iter().filter(|one| one.makes(&wanted)).cloned().collect();
+        let plain = self.cold();
         let known = |request: &KernelRequest| self.made.get(request).cloned();
-        let pending = Pending::start((&self.gpu, self.width), wanted, known);
+        let pending = Pending::start((&self.gpu, self.width), wanted, known, (earlier, plain));
         self.pending.push(pending.clone());
         pending
     }
@@ -148,7 +170,10 @@ impl Kernels {
     fn take_finished(&mut self) {
         let Self { pending, made, .. } = self;
         pending.retain(|pending| {
-            let outcome = pending.outcome();
+            if pending.outcome().is_none() {
+                return true;
+            }
+            let outcome = pending.wait();
             let Some(outcome) = &*outcome else { return true };
             for (request, kernel) in &outcome.made {
                 if made.get(request).is_none() {

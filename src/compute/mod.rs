@@ -182,6 +182,18 @@ impl Renderer {
     /// these may be in flight. What the frame writes to the renderer's own memory is shared with other frames, so that
     /// everything that the renderer recorded runs one after the other, in the order of submissions.
     ///
+    /// The encoder that is lent stays in its place:
+    ///
+    /// ```compile_fail
+    /// # use tilewright::{compute::{Encoder, Renderer}, vk::CallerCommands};
+    /// fn exchange(renderer: &mut Renderer, commands: CallerCommands, mut other: Encoder<'static>) {
+    ///     let _ = renderer.record(commands, |frame| {
+    ///         std::mem::swap(frame, &mut other);
+    ///         Ok(())
+    ///     });
+    /// }
+    /// ```
+    ///
     /// # Errors
     /// Those of `frame`, and [`crate::Error::Full`] without memory.
     pub fn record(

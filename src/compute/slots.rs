@@ -50,7 +50,7 @@ impl TablePool {
                 table.clear()?;
                 Ok(table)
             }
-            None => ResourceTable::new(&self.gpu),
+            None => ResourceTable::for_passes(&self.gpu),
         }
     }
 

@@ -18,7 +18,8 @@ pub enum Shape {
     D2Array(u32),
     /// So many slices, half of them in the next mip level: `sampler3D`.
     D3(u32),
-    /// Six square pictures, in the order +x, -x, +y, -y, +z, -z: `samplerCube`.
+    /// Six square pictures, in the order +x, -x, +y, -y, +z, -z: `samplerCube`. Seen from the middle, each has its first row
+    /// at the top where the table of cube maps in the Vulkan specification has t = 0.
     Cube,
     /// So many cubes: `samplerCubeArray`.
     CubeArray(u32),

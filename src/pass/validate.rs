@@ -319,6 +319,11 @@ fn check_sampling(binding: &Binding, resource: &Resource) -> Fault {
             .into());
     }
     if sampler.unnormalized {
+        if texture.is_none() {
+            return Err("the coordinates of the sampler are not normalized: bind it together with its texture \
+                        (sampler2D, `Binding::Sampled`)"
+                .into());
+        }
         if resource.needs_normalized {
             return Err("the coordinates of the sampler are not normalized; the shader samples with implicit level \
                         of detail, a comparison, projection or an offset, which Vulkan does not allow then"

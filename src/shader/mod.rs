@@ -71,7 +71,7 @@ impl fmt::Display for Stage {
 /// A vertex or fragment shader: valid SPIR-V with entry point `main`, and what reflection found in it.
 ///
 /// It cannot be changed, because drivers rely on valid modules. It uses only what a pass can provide:
-/// textures of two dimensions with float texels, samplers that do not compare, blocks, triangles. Two shaders
+/// textures with float texels, samplers, storage images, blocks, triangles. Two shaders
 /// are equal if they are the same stage of the same module, whatever their labels are.
 #[derive(Clone, Debug)]
 pub struct Shader {

@@ -6,7 +6,7 @@ use rspirv::{
     dr::{Function, Instruction, Operand},
     spirv::{ImageOperands, Op, Word},
 };
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// How a variable is sampled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,9 +24,7 @@ pub(super) fn sampling(usage: &Usage) -> HashMap<Word, Sampling> {
     let mut found: HashMap<Word, Sampling> = HashMap::new();
     for instruction in usage.instructions() {
         let Some(of_one) = of(instruction) else { continue };
-        let mut variables = Vec::new();
-        origins.follow(ids(instruction).next().unwrap_or(0), &mut variables, DEPTH);
-        for variable in variables {
+        for variable in origins.of(ids(instruction).next().unwrap_or(0)) {
             let known = found.entry(variable).or_default();
             known.compares |= of_one.compares;
             known.needs_normalized |= of_one.needs_normalized;
@@ -34,10 +32,6 @@ pub(super) fn sampling(usage: &Usage) -> HashMap<Word, Sampling> {
     }
     found
 }
-
-/// Steps from a value back to its variable: calls within calls and arrays within arrays are no deeper in any shader that
-/// drivers compile.
-const DEPTH: u32 = 64;
 
 /// How an instruction samples, if it does.
 fn of(instruction: &Instruction) -> Option<Sampling> {
@@ -89,25 +83,61 @@ impl<'m> Origins<'m> {
         Self { defined, parameters, calls }
     }
 
-    /// Adds the variables of the module that `value` comes from.
-    fn follow(&self, value: Word, variables: &mut Vec<Word>, depth: u32) {
-        let Some(depth) = depth.checked_sub(1) else { return };
-        if let Some((function, number)) = self.parameters.get(&value) {
-            for call in self.calls.get(function).into_iter().flatten() {
-                let given = ids(call).nth(1 + number);
-                given.into_iter().for_each(|given| self.follow(given, variables, depth));
+    /// The variables of the module that `value` comes from. Each value on the way is looked at once, however many calls lead
+    /// there.
+    fn of(&self, value: Word) -> Vec<Word> {
+        let (mut variables, mut open, mut seen) = (Vec::new(), vec![value], HashSet::new());
+        while let Some(value) = open.pop() {
+            if !seen.insert(value) {
+                continue;
             }
-            return;
+            if let Some((function, number)) = self.parameters.get(&value) {
+                let calls = self.calls.get(function).into_iter().flatten();
+                open.extend(calls.filter_map(|call| ids(call).nth(1 + number)));
+                continue;
+            }
+            let Some(instruction) = self.defined.get(&value) else {
+                variables.push(value);
+                continue;
+            };
+            let through = match instruction.class.opcode {
+                Op::SampledImage => 2,
+                Op::Load
+                | Op::AccessChain
+                | Op::InBoundsAccessChain
+                | Op::CopyObject
+                | Op::Image => 1,
+                _ => 0,
+            };
+            open.extend(ids(instruction).take(through));
         }
-        let Some(instruction) = self.defined.get(&value) else {
-            variables.push(value);
-            return;
+        variables
+    }
+}
+
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
+mod tests {
+    use crate::shader::{Shader, Stage};
+
+    /// A comparison is found through any number of functions, and calls that double at each of them take no longer.
+    #[test]
+    fn a_sampler_is_followed_through_functions() {
+        let first = "float f0(sampler2DShadow s) { return texture(s, vec3(0.5)); }".to_string();
+        let next = |n: u32| {
+            format!("float f{n}(sampler2DShadow s) {{ return f{0}(s) + f{0}(s); }}", n - 1)
         };
-        let through = match instruction.class.opcode {
-            Op::SampledImage => 2,
-            Op::Load | Op::AccessChain | Op::InBoundsAccessChain | Op::CopyObject | Op::Image => 1,
-            _ => 0,
-        };
-        ids(instruction).take(through).for_each(|from| self.follow(from, variables, depth));
+        let functions: Vec<String> = std::iter::once(first).chain((1..=70).map(next)).collect();
+        let source = format!(
+            "#version 450
+            layout(binding = 0) uniform sampler2DShadow compared;
+            layout(binding = 1) uniform sampler2D plain;
+            layout(location = 0) out vec4 color;
+            {}
+            void main() {{ color = vec4(f70(compared)) + textureLod(plain, vec2(0.5), 0); }}",
+            functions.join("\n")
+        );
+        let shader = Shader::from_glsl(Stage::Fragment, "deep", &source).unwrap();
+        let found = shader.reflection.resources.iter().map(|r| (r.compares, r.needs_normalized));
+        assert_eq!(found.collect::<Vec<_>>(), [(true, true), (false, false)]);
     }
 }

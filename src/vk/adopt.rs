@@ -30,7 +30,7 @@ pub struct CallerDevice<'a> {
     pub create_info: &'a vk::DeviceCreateInfo<'a>,
     /// The queue that everything runs on.
     pub queue: vk::Queue,
-    /// The family of the queue, which computes. Depth images need one that draws as well.
+    /// The family of the queue, which computes. Depth images need a family that draws as well.
     pub family: u32,
     /// Whether the instance has the extension `VK_EXT_debug_utils` on. Dispatches then have labels, and objects have names.
     pub debug_utils: bool,
@@ -59,7 +59,8 @@ pub struct CallerImage<'a> {
     pub image: vk::Image,
     /// Size of level 0 of one layer or slice.
     pub extent: Extent,
-    /// Dimensions and layers. Cubes need `VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT`.
+    /// Dimensions and layers. Cubes need `VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT`. The classic executor draws to no slices of a
+    /// caller's image of three dimensions.
     pub shape: Shape,
     /// Format of a texel.
     pub format: Format,
@@ -125,7 +126,7 @@ impl CallerCommands {
     ///   render pass, and nobody else records until [`crate::compute::Renderer::record`] has returned.
     /// * If that returns an error, the command buffer is broken: nothing more is recorded, and it is not submitted.
     /// * The command buffer is submitted to the queue of `gpu`, or to another one where semaphores order it with all that
-    ///   the same renderer started. It is not submitted any more, and has ended, when [`crate::compute::Recorded`] is
+    ///   was started through `gpu` and its clones: by renderers, recordings, uploads and downloads. It is not submitted any more, and has ended, when [`crate::compute::Recorded`] is
     ///   dropped.
     /// * While it runs, nobody calls [`Buffer::write`], [`Buffer::read`] or [`Buffer::append_to`] on what it uses:
     ///   these functions wait for what this library submitted alone.

@@ -328,6 +328,9 @@ pub(super) unsafe fn keep_enabled(probe: &mut Probe, info: &vk::DeviceCreateInfo
         if names.contains(&ash::khr::draw_indirect_count::NAME) {
             enabled.v12.draw_indirect_count = vk::TRUE;
         }
+        if names.contains(&ash::khr::sampler_mirror_clamp_to_edge::NAME) {
+            enabled.v12.sampler_mirror_clamp_to_edge = vk::TRUE;
+        }
         enabled.derivatives &= names.iter().any(|name| DERIVATIVES_EXTENSIONS.contains(name));
     }
     probe.features = enabled;

@@ -132,7 +132,8 @@ impl Gpu {
         self.0.int64_atomics
     }
 
-    /// The messages of the validation layer so far, in order; empty without the layer. They stay for later calls.
+    /// The messages of the validation layer so far, in order; empty without the layer. They stay for later calls. On a device
+    /// of the caller, messages go to the caller's messenger, and this list is empty.
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

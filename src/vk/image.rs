@@ -152,7 +152,8 @@ impl Image {
 
     /// Whether `other` is the same image.
     pub fn is(&self, other: &Image) -> bool {
-        Arc::ptr_eq(&self.0, &other.0)
+        // The caller may have had one image adopted twice.
+        Arc::ptr_eq(&self.0.gpu, &other.0.gpu) && self.0.handle == other.0.handle
     }
 
     /// Mip levels.

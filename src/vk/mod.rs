@@ -14,6 +14,7 @@
 //! | `kernel`, `reflect` | a compute pipeline and the names its SPIR-V binds |
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
 //! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
+//! | `warm` | code that drivers generate at the first dispatch |
 //! | `resources` | host data uploaded once, recognised by the identity of its `Arc` |
 //! | `copies` | copies of the host data that the shaders of a pass write |
 //! | `inherited` | whether there is a standard output, and a limit of memory |
@@ -74,6 +75,7 @@ mod sampler;
 mod table;
 mod table_sizes;
 mod transfer;
+mod warm;
 
 /// The crate of the types of Vulkan that [`Gpu::adopt`] and its like take, in the version that they are of.
 pub use ash;
@@ -107,3 +109,4 @@ pub(crate) use image::Subresource;
 pub(crate) use inherited::stdout_was_closed;
 pub(crate) use raw_image::vk_format;
 pub(crate) use sampler::compare_op;
+pub(crate) use warm::generate_code;

@@ -36,12 +36,13 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Which kind of device is acceptable.
     pub require: Require,
-    /// Loads the validation layer. Also on if the variable `TILEWRIGHT_VALIDATION` is `1`. Its messages go to the crate
+    /// Loads the validation layer, with synchronization validation. Also on if the variable `TILEWRIGHT_VALIDATION` is `1`. Its messages go to the crate
     /// `log` and to [`Gpu::validation_messages`], and not to standard error.
     pub validation: bool,
     /// How long one submission may take before the device counts as lost.
     pub timeout: Duration,
-    /// Where compiled pipelines are kept; `None` keeps none.
+    /// Where compiled pipelines are kept; `None` keeps none. (Shaders compiled from GLSL have a folder of their own, unless
+    /// the variable `TILEWRIGHT_CACHE` is `off`.)
     pub cache: Option<PathBuf>,
     /// Size of the resource table.
     pub table: TableSizes,
@@ -122,7 +123,8 @@ impl Gpu {
     /// * Instance and device live until the last handle is gone that was made from this [`Gpu`]: its clones, buffers, images,
     ///   renderers, recordings and whatever else.
     /// * Vulkan lets one thread at a time use a queue. While a function of this library runs that was given something of this
-    ///   device, nobody else uses the queue. A queue of its own for this library meets the condition by itself.
+    ///   device, nobody else uses the queue. A queue of its own for this library meets the condition by itself. One queue
+    ///   is adopted once: two adoptions do not know of each other.
     pub unsafe fn adopt(device: &CallerDevice<'_>, options: &GpuOptions) -> Result<Self> {
         let CallerDevice { instance, physical, create_info, family, queue, debug_utils, .. } =
             *device;

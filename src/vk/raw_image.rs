@@ -139,6 +139,13 @@ impl RawImage {
     pub unsafe fn adopted(gpu: &Gpu, image: &CallerImage<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", image.name, image.extent);
         Self::check(gpu, &what, (image.extent, image.shape, image.levels), image.format)?;
+        if [vk::ImageLayout::UNDEFINED, vk::ImageLayout::PREINITIALIZED].contains(&image.layout) {
+            return Err(Error::Usage(format!(
+                "{what} is said to be in the layout {:?}, into which no command brings an image: say in which layout \
+                 passes find it and leave it",
+                image.layout
+            )));
+        }
         let mut raw = Self {
             handle: image.image,
             view: vk::ImageView::null(),
@@ -193,7 +200,7 @@ impl RawImage {
         let lacks = |(lacking, _): &(Capability, &str)| *lacking == Capability::SampledCubeArray;
         if cubes && gpu.0.lacking.iter().any(lacks) {
             return Err(Error::Device(format!(
-                "{what} cannot be made on {}, which has no arrays of cubes (imageCubeArray)",
+                "{what} cannot be made on {}, which has no arrays of cubes, or was opened without the feature imageCubeArray",
                 gpu.name()
             )));
         }
@@ -243,6 +250,12 @@ impl RawImage {
     /// [`Error::Usage`] if the image was not created for that; [`Error::Full`] without room for a view.
     pub fn target_view(&self, subresource: Subresource) -> Result<vk::ImageView> {
         self.check_flags(attachment_flag(self.format), "drawn to by the device itself")?;
+        if self.adopted && matches!(self.shape, Shape::D3(_)) {
+            return Err(Error::Usage(format!(
+                "image `{}` of the caller has three dimensions: the device itself draws to no slice of it",
+                self.name
+            )));
+        }
         let mut targets = self.targets.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(view) = targets.get(&subresource) {
             return Ok(*view);

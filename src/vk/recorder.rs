@@ -217,6 +217,20 @@ impl Dispatch<'_> {
         Ok(())
     }
 
+    /// Binds `buffer`, which nobody writes, to all blocks, and zeros as push constants: for a dispatch over nothing.
+    pub(super) fn bind_everywhere(mut self, buffer: &Buffer<u32>) -> Self {
+        let reflection = &self.kernel.0.reflection;
+        self.lists.push.resize(reflection.push_constant_bytes as usize, 0);
+        self.lists.bound.extend(reflection.bindings.iter().map(|block| Bound {
+            binding: block.binding,
+            kind: block.kind,
+            buffer: buffer.raw().clone(),
+            offset: buffer.offset(),
+            bytes: buffer.bytes(),
+        }));
+        self
+    }
+
     fn check_device(&self, handle: &dyn Owned) -> Result<()> {
         same_device(self.recorder, handle)
     }

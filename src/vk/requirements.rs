@@ -288,6 +288,27 @@ pub const OPTIONAL: &[Optional] = &[
         check: |p| p.vulkan12.driver_id == vk::DriverId::MESA_LLVMPIPE,
     },
     Optional {
+        name: "samplerAnisotropy",
+        why: "samplers that ask for it; otherwise they are refused",
+        features: &[named!("samplerAnisotropy", core.sampler_anisotropy)],
+        check: |_| true,
+    },
+    Optional {
+        name: "imageCubeArray",
+        why: "arrays of cubes; otherwise they are refused",
+        features: &[named!("imageCubeArray", core.image_cube_array)],
+        check: |_| true,
+    },
+    Optional {
+        name: "fragmentStoresAndAtomics and vertexPipelineStoresAndAtomics",
+        why: "the classic executor's shaders that write memory; compute needs neither",
+        features: &[
+            named!("fragmentStoresAndAtomics", core.fragment_stores_and_atomics),
+            named!("vertexPipelineStoresAndAtomics", core.vertex_pipeline_stores_and_atomics),
+        ],
+        check: |_| true,
+    },
+    Optional {
         name: "shaderBufferInt64Atomics",
         why: "depth and primitive in one atomic for tiny triangles; otherwise two 32-bit passes",
         features: &[

@@ -22,6 +22,8 @@ pub(crate) struct SamplerLimits {
     pub anisotropy: f32,
     /// [`Wrap::MirrorClampToEdge`].
     pub mirror_clamp: bool,
+    /// Samplers that there may be.
+    pub count: u32,
 }
 
 impl SamplerLimits {
@@ -34,6 +36,7 @@ impl SamplerLimits {
                 _ => 1.0,
             },
             mirror_clamp: probe.features.v12.sampler_mirror_clamp_to_edge == vk::TRUE,
+            count: limits.max_sampler_allocation_count,
         }
     }
 }
@@ -42,6 +45,8 @@ impl SamplerLimits {
 #[derive(Clone)]
 pub struct Sampler {
     pub(crate) handle: vk::Sampler,
+    /// Whether it neither compares nor counts texels.
+    pub(super) plain: bool,
     /// Keeps the device, which owns the handle.
     pub(super) gpu: Gpu,
 }
@@ -63,12 +68,21 @@ impl Sampler {
             state.border,
             state.unnormalized,
         );
+        let plain = state.compare.is_none() && !state.unnormalized;
         let mut samplers = gpu.0.samplers.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(&handle) = samplers.get(&key) {
-            return Ok(Self { handle, gpu: gpu.clone() });
+            return Ok(Self { handle, plain, gpu: gpu.clone() });
         }
         state.check().map_err(|fault| Error::Usage(format!("sampler: {fault}")))?;
         check_offered(gpu, state)?;
+        if samplers.len() >= gpu.0.sampler_limits.count as usize {
+            return Err(Error::Full(format!(
+                "{} allows {} samplers of different states at most, and all of them were made: they stay until the \
+                 device is closed",
+                gpu.name(),
+                samplers.len()
+            )));
+        }
         // The specification's recipe for "no mipmapping" keeps magnification and minification apart: anything below 0.5
         // rounds to level 0. Coordinates that are not normalized have no levels at all.
         let (min_lod, max_lod) = match (state.mip, state.unnormalized) {
@@ -103,20 +117,22 @@ impl Sampler {
         let handle = unsafe { gpu.0.device.create_sampler(&info, None) }
             .map_err(|e| gpu.failure("creating a sampler", e))?;
         samplers.insert(key, handle);
-        Ok(Self { handle, gpu: gpu.clone() })
+        Ok(Self { handle, plain, gpu: gpu.clone() })
     }
 }
 
 /// Refuses what the device does not have.
 fn check_offered(gpu: &Gpu, state: &texture::Sampler) -> Result<()> {
-    let SamplerLimits { lod_bias, anisotropy, mirror_clamp } = gpu.0.sampler_limits;
+    let SamplerLimits { lod_bias, anisotropy, mirror_clamp, .. } = gpu.0.sampler_limits;
     let fault = |text: String| Err(Error::Device(format!("sampler: {} {text}", gpu.name())));
     if state.lod_bias.abs() > lod_bias {
         return fault(format!("allows a bias of {lod_bias} at most, not {}", state.lod_bias));
     }
     if state.anisotropy > anisotropy {
         return match anisotropy {
-            1.0 => fault("has no anisotropy (samplerAnisotropy)".into()),
+            1.0 => fault(
+                "has no anisotropy, or was opened without the feature samplerAnisotropy".into(),
+            ),
             most => {
                 fault(format!("allows an anisotropy of {most} at most, not {}", state.anisotropy))
             }
@@ -124,7 +140,7 @@ fn check_offered(gpu: &Gpu, state: &texture::Sampler) -> Result<()> {
     }
     let mirrors = [state.wrap_u, state.wrap_v, state.wrap_w].contains(&Wrap::MirrorClampToEdge);
     if mirrors && !mirror_clamp {
-        return fault("has no `Wrap::MirrorClampToEdge` (samplerMirrorClampToEdge)".into());
+        return fault("has no `Wrap::MirrorClampToEdge`, or was opened without the feature samplerMirrorClampToEdge".into());
     }
     Ok(())
 }

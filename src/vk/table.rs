@@ -19,7 +19,10 @@ use super::{
     placeholder::Placeholders,
     sampler::Sampler,
 };
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    image::Shape,
+};
 use ash::vk;
 use bytemuck::Pod;
 use std::{
@@ -73,6 +76,8 @@ pub struct ResourceTable {
     slots: HashMap<Key, u32>,
     /// Whether every resource takes a slot of its own, see [`ResourceTable::take_fresh_slots`].
     fresh: bool,
+    /// Whether it takes images of all shapes and samplers of all states, since whoever fills it knows what kernels declare.
+    any: bool,
     /// The commands that alone may have the table bound, as long as they are recorded.
     open: Option<Unfinished>,
     used: [u32; KINDS.len()],
@@ -138,6 +143,7 @@ impl ResourceTable {
             raw: Arc::new(raw),
             slots: HashMap::new(),
             fresh: false,
+            any: false,
             open: None,
             used: [0; KINDS.len()],
         };
@@ -145,6 +151,32 @@ impl ResourceTable {
             table.fill(binding as u32, 0, count)?;
         }
         Ok(table)
+    }
+
+    /// An empty table for passes, whose resources fit what shaders declare.
+    pub(crate) fn for_passes(gpu: &Gpu) -> Result<Self> {
+        Ok(Self { any: true, ..Self::new(gpu)? })
+    }
+
+    /// Refuses what kernels cannot be checked against, which find their resources by number.
+    fn check_plain(&self, image: Option<&Image>, sampler: Option<&Sampler>) -> Result<()> {
+        if self.any {
+            return Ok(());
+        }
+        if let Some(image) = image.filter(|image| image.shape() != Shape::D2) {
+            return Err(Error::Usage(format!(
+                "image `{}` is `Shape::{:?}`; resource tables of kernels take images of two dimensions without layers",
+                image.name(),
+                image.shape()
+            )));
+        }
+        match sampler {
+            Some(sampler) if !sampler.plain => Err(Error::Usage(
+                "resource tables of kernels take samplers that neither compare nor count texels"
+                    .into(),
+            )),
+            _ => Ok(()),
+        }
     }
 
     /// Frees all slots. If a recording has the table bound, waits for all that was started on the device.
@@ -214,6 +246,7 @@ impl ResourceTable {
     pub fn insert_sampled(&mut self, image: &Image, sampler: &Sampler) -> Result<u32> {
         use vk::Handle;
         same_device(self, sampler)?;
+        self.check_plain(None, Some(sampler))?;
         let key = (0, image.0.view.as_raw(), sampler.handle.as_raw(), 0, 0);
         let info = image_info(image, sampler.handle);
         self.insert_image(key, info, image)
@@ -236,6 +269,7 @@ impl ResourceTable {
     pub fn insert_sampler(&mut self, sampler: &Sampler) -> Result<u32> {
         use vk::Handle;
         same_device(self, sampler)?;
+        self.check_plain(None, Some(sampler))?;
         let key = (2, sampler.handle.as_raw(), 0, 0, 0);
         if let Some(slot) = self.known(&key) {
             return Ok(slot);
@@ -297,6 +331,7 @@ impl ResourceTable {
         image: &Image,
     ) -> Result<u32> {
         same_device(self, image)?;
+        self.check_plain(Some(image), None)?;
         if let Some(slot) = self.known(&key) {
             return Ok(slot);
         }

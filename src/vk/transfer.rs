@@ -124,7 +124,10 @@ impl Recorder {
         let raw = &image.0;
         if levels.len() != raw.levels as usize {
             let (name, has, given) = (&raw.name, raw.levels, levels.len());
-            return Err(Error::Usage(format!("image `{name}` has {has} levels, not {given}")));
+            return Err(Error::Usage(format!(
+                "image `{name}` has {has} levels, not {given}: upload all of them (`make_levels` then makes those below \
+                 level 0 anew)"
+            )));
         }
         raw.check_copied(false, true)?;
         let total = levels.iter().map(|level| level.as_ref().len()).sum();
