@@ -2,7 +2,7 @@
 
 use crate::{
     common::{on_each_gpu, random::Random},
-    textures::{both, differences, levels, pass},
+    textures::{both, differences, distances, levels, pass},
 };
 use std::sync::Arc;
 use tilewright::{
@@ -97,17 +97,17 @@ fn samplers_compare() {
 #[test]
 fn rare_samplers_sample_as_on_the_device() {
     on_each_gpu("rare samplers sample as on the device", |gpu| {
-        let (mut random, mut both) = (Random::new(3), both(gpu));
+        let mut both = both(gpu);
         let extent = Extent::new(16, 16);
-        let mut draw = |sampler: Sampler, count, color: &str| {
-            let content = levels(&mut random, Shape::D2, extent, count);
+        let pass_of = |sampler: Sampler, count, color: &str| {
+            let content = levels(&mut Random::new(3), Shape::D2, extent, count);
             let texture = Texture::new("rare", extent, Format::Rgba8Unorm, content);
             let bound = vec![Binding::Sampled(Arc::new(texture), sampler)];
-            let pass = pass("layout(binding = 0) uniform sampler2D image;", color, bound);
-            differences(&mut both, &pass, 0.02)
+            pass("layout(binding = 0) uniform sampler2D image;", color, bound)
         };
         let texels = Sampler { unnormalized: true, ..Sampler::nearest() };
-        let found = draw(texels, 1, "textureLod(image, at.xy * 11 + 3.3, 0)");
+        let drawn = pass_of(texels, 1, "textureLod(image, at.xy * 11 + 3.3, 0)");
+        let found = differences(&mut both, &drawn, 0.02);
         assert_eq!(found.0, 0, "texels: {}", found.1);
         // A sampler by itself may meet any texture.
         let apart = pass(
@@ -128,13 +128,23 @@ fn rare_samplers_sample_as_on_the_device() {
         let steep = "texture(image, vec2(at.x * 9, at.y * 0.7))";
         let long = Sampler { anisotropy: 4.0, ..Sampler::default() };
         let mirrored = Sampler { wrap_u: Wrap::MirrorClampToEdge, ..Sampler::nearest() };
-        for (sampler, what) in [(long, "anisotropy"), (mirrored, "mirroring once")] {
+        let cases = [
+            (long, Sampler::default(), "anisotropy"),
+            (mirrored, Sampler::nearest(), "mirroring once"),
+        ];
+        for (sampler, without, what) in cases {
             if let Err(fault) = tilewright::vk::Sampler::new(gpu, &sampler) {
                 assert!(matches!(fault, Error::Device(_)), "{fault}");
                 crate::did_not_run(what, &fault.to_string());
                 continue;
             }
-            let (wrong, most) = draw(sampler, 3, steep);
+            let drawn = pass_of(sampler, 3, steep);
+            let (wrong, most) = differences(&mut both, &drawn, 0.02);
+            // Without it, many more differ: so much of it is there.
+            let [with, without] =
+                [drawn, pass_of(without, 3, steep)].map(|pass| both.0.render(&pass).unwrap());
+            let (missed, _) = distances(&with, &without, 0.02);
+            assert!(missed > 10 * wrong.max(50), "{what}: {missed} differ without it");
             assert!(wrong < 200, "{what}: {wrong} differ, by up to {most}");
         }
     });

@@ -382,7 +382,7 @@ void main() { color = texture(image, vec2(0)); }";
         p.depth.as_mut().unwrap().load = LoadOp::Upload(Arc::new(short));
     });
     for own in [&color, &depth] {
-        refused(&["target of the pass that samples it"], &|p| {
+        refused(&["target of the pass that binds it"], &|p| {
             p.draws[0].sets = vec![textures(&[own])]
         });
     }

@@ -7,7 +7,7 @@ use tilewright::{
     Error, classic, compute,
     format::Format,
     image::{Extent, Shape},
-    pass::{Binding, BindingEntry, BindingSet, Draw, Executor, Pass, Pipeline},
+    pass::{Binding, BindingEntry, BindingSet, Draw, Executor, Frame, Pass, Pipeline},
     shader::{Shader, Stage},
     state::Compare,
     target::{ColorTarget, DepthTarget, LoadOp},
@@ -96,11 +96,18 @@ pub fn both(gpu: &Gpu) -> Both {
 
 /// Both executors draw the pass; how many components of the colours differ by more than `limit`, and the largest difference.
 pub fn differences((compute, classic): &mut Both, pass: &Pass, limit: f32) -> (usize, f32) {
-    let [theirs, ours] = [classic.render(pass), compute.render(pass)].map(|frame| {
-        let bytes = frame.unwrap().into_color().unwrap().bytes;
-        bytes.chunks(2).map(|b| half(u16::from_le_bytes([b[0], b[1]]))).collect::<Vec<f32>>()
+    // The device's own pipeline first, see below.
+    let theirs = classic.render(pass).unwrap();
+    distances(&compute.render(pass).unwrap(), &theirs, limit)
+}
+
+/// How many components of the colours of two frames differ by more than `limit`, and the largest difference.
+pub fn distances(one: &Frame, other: &Frame, limit: f32) -> (usize, f32) {
+    let [one, other] = [one, other].map(|frame| {
+        let halves = frame.colors[0].bytes.chunks(2);
+        halves.map(|b| half(u16::from_le_bytes([b[0], b[1]]))).collect::<Vec<f32>>()
     });
-    let distances: Vec<_> = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).collect();
+    let distances: Vec<_> = one.iter().zip(&other).map(|(a, b)| (a - b).abs()).collect();
     let most = distances.iter().fold(0.0f32, |most, d| most.max(*d));
     (distances.iter().filter(|d| **d > limit).count(), most)
 }
