@@ -33,6 +33,7 @@ mod scene;
 mod setup;
 mod splice;
 mod storage_images;
+mod tables;
 mod targets;
 mod textures;
 mod tidy;

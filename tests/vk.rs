@@ -9,10 +9,9 @@ use tilewright::{
     Error,
     format::Format,
     image::Extent,
-    texture,
     vk::{
         Buffer, Gpu, GpuOptions, Image, ImageInfo, ImageUse, Kernel, KernelInfo, Memory, Recorder,
-        ResourceTable, Sampler, TableSizes, doctor,
+        ResourceTable, TableSizes, doctor,
     },
 };
 
@@ -108,77 +107,6 @@ fn what_is_bound_wrongly_is_refused_with_the_names() {
         bound.dispatch_indirect(&output, 8)
     });
     assert!(text.contains("byte 8"), "{text}");
-}
-
-const TABLE: &str = "#version 460
-#extension GL_EXT_nonuniform_qualifier : require
-#extension GL_EXT_scalar_block_layout : require
-layout(local_size_x = 16) in;
-layout(set = 1, binding = 0) uniform sampler2D table_sampled[];
-layout(set = 1, binding = 1) uniform texture2D table_textures[];
-layout(set = 1, binding = 2) uniform sampler table_samplers[];
-layout(set = 1, binding = 4, scalar) readonly buffer Words { uint words[]; } table_buffers[];
-struct Slots { uint sampled; uint texture_; uint sampler_; uint buffer_; };
-layout(set = 0, binding = 0, scalar) readonly buffer S { Slots slots[]; };
-layout(set = 0, binding = 1, scalar) writeonly buffer R { vec4 results[]; };
-void main() {
-    uint i = gl_GlobalInvocationID.x;
-    Slots s = slots[i];
-    vec4 a = textureLod(table_sampled[nonuniformEXT(s.sampled)], vec2(0.5), 0.0);
-    vec4 b = textureLod(sampler2D(table_textures[nonuniformEXT(s.texture_)], table_samplers[nonuniformEXT(s.sampler_)]),
-                        vec2(0.5), 1.0);
-    uint c = table_buffers[nonuniformEXT(s.buffer_)].words[1];
-    results[i] = vec4(a.r, b.g, float(c), 1.0);
-}";
-
-#[test]
-fn lanes_of_a_subgroup_read_different_slots_of_the_table() {
-    on_each_gpu("lanes of a subgroup read different slots of the table", |gpu| {
-        let lanes = 16usize;
-        let info =
-            KernelInfo { name: "table", spirv: &kernel_spirv(TABLE), ..KernelInfo::default() };
-        let kernel = Kernel::new(gpu, &info).unwrap();
-        assert!(kernel.uses_table());
-        let mut table = ResourceTable::new(gpu).unwrap();
-        let sampler = Sampler::new(gpu, &texture::Sampler::default()).unwrap();
-        let mut recorder = Recorder::new(gpu, "uploads").unwrap();
-        let mut slots = Vec::new();
-        for i in 0..lanes {
-            let name = format!("texture {i}");
-            let info =
-                ImageInfo::new(&name, Extent::new(2, 2), Format::Rgba8Unorm, ImageUse::Sampled)
-                    .levels(2);
-            let image = Image::new(gpu, &info).unwrap();
-            let levels = [vec![i as u8 * 10; 16], vec![i as u8 * 10 + 5; 4]];
-            recorder.upload_image(&image, &levels).unwrap();
-            let buffer = Buffer::upload(gpu, "words", &[0u32, i as u32 * 100]).unwrap();
-            slots.push([
-                table.insert_sampled(&image, &sampler).unwrap(),
-                table.insert_texture(&image).unwrap(),
-                table.insert_sampler(&sampler).unwrap(),
-                table.insert_buffer(&buffer).unwrap(),
-            ]);
-        }
-        recorder.submit().unwrap();
-        assert_eq!(table.used(), [16, 16, 1, 0, 16]);
-        slots.reverse();
-        let slots = Buffer::upload(gpu, "slots", &slots).unwrap();
-        let results = Buffer::<[f32; 4]>::new(gpu, "results", lanes, Memory::Device).unwrap();
-        let mut recorder = Recorder::new(gpu, "read").unwrap();
-        let dispatch = recorder.kernel(&kernel).bind("S", &slots).bind("R", &results);
-        dispatch.table(&table).dispatch([1, 1, 1]).unwrap();
-        let read = recorder.download(&results).unwrap();
-        recorder.submit().unwrap();
-        for (lane, result) in read.read().unwrap().into_iter().enumerate() {
-            let i = (lanes - 1 - lane) as f32;
-            let expected = [i * 10.0 / 255.0, (i * 10.0 + 5.0) / 255.0, i * 100.0, 1.0];
-            for (a, b) in result.iter().zip(expected) {
-                assert!((a - b).abs() < 1e-3, "lane {lane}: {result:?}, not {expected:?}");
-            }
-        }
-        table.clear().expect("it is written");
-        assert_eq!(table.used(), [0; 5]);
-    });
 }
 
 const ADD: &str = "#version 460

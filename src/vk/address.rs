@@ -14,11 +14,11 @@
 
 mod pairs;
 
+use super::edit::Edit;
 use crate::load_spirv::load;
 pub(super) use pairs::BLOCK_BYTES;
 use pairs::{Layout, Place, aligned};
 use rspirv::{
-    binary::Assemble,
     dr::{self, Instruction, Operand},
     spirv::{AddressingModel, Capability, Decoration, Op, StorageClass, Word},
 };
@@ -68,14 +68,14 @@ pub(super) fn lower(
     if blocks.is_empty() {
         return Ok(None);
     }
-    let bindings = rewriter.decorations(Decoration::Binding);
+    let bindings = rewriter.edit.decorations(Decoration::Binding);
     let binding = bindings.values().max().map_or(0, |most| most + 1);
     let addresses = rewriter.declare(&mut blocks, binding);
     rewriter.rewrite(&blocks, addresses);
     rewriter.remove(&blocks);
-    let sets = rewriter.decorations(Decoration::DescriptorSet);
+    let sets = rewriter.edit.decorations(Decoration::DescriptorSet);
     Ok(Some(Addressed {
-        spirv: rewriter.module.assemble(),
+        spirv: rewriter.edit.assemble(),
         binding,
         blocks: blocks.iter().filter_map(|block| block.binding).collect(),
         table: blocks.iter().any(|block| block.binding.is_none()),
@@ -85,12 +85,7 @@ pub(super) fn lower(
 
 /// Rewrites one module.
 struct Rewriter {
-    module: dr::Module,
-    /// Types, constants and variables by id.
-    globals: HashMap<Word, Instruction>,
-    next: Word,
-    uint: Word,
-    constants: HashMap<u32, Word>,
+    edit: Edit,
     has_int64: bool,
     /// By the number of pairs: the type of a pointer to pairs of words, and the type of the pairs.
     pair_types: HashMap<u32, (Word, Word)>,
@@ -98,89 +93,13 @@ struct Rewriter {
 
 impl Rewriter {
     fn new(module: dr::Module, has_int64: bool) -> Self {
-        let globals: HashMap<Word, Instruction> = (module.types_global_values.iter())
-            .filter_map(|i| Some((i.result_id?, i.clone())))
-            .collect();
-        let next = module.all_inst_iter().filter_map(|i| i.result_id).max().unwrap_or(0) + 1;
-        let mut rewriter = Self {
-            module,
-            globals,
-            next,
-            uint: 0,
-            constants: HashMap::new(),
-            has_int64,
-            pair_types: HashMap::new(),
-        };
-        let operands = [Operand::LiteralBit32(32), Operand::LiteralBit32(0)];
-        let uint = rewriter
-            .globals
-            .values()
-            .find(|i| i.class.opcode == Op::TypeInt && i.operands == operands);
-        rewriter.uint = match uint.and_then(|i| i.result_id) {
-            Some(uint) => uint,
-            None => rewriter.global(Op::TypeInt, None, operands.to_vec()),
-        };
-        rewriter
-    }
-
-    fn id(&mut self) -> Word {
-        self.next += 1;
-        self.next - 1
-    }
-
-    fn global(&mut self, op: Op, ty: Option<Word>, operands: Vec<Operand>) -> Word {
-        let id = self.id();
-        let instruction = Instruction::new(op, ty, Some(id), operands);
-        self.globals.insert(id, instruction.clone());
-        self.module.types_global_values.push(instruction);
-        id
-    }
-
-    fn pointer(&mut self, class: StorageClass, pointee: Word) -> Word {
-        let operands = vec![Operand::StorageClass(class), Operand::IdRef(pointee)];
-        self.global(Op::TypePointer, None, operands)
-    }
-
-    fn constant(&mut self, value: u32) -> Word {
-        match self.constants.get(&value) {
-            Some(&known) => known,
-            None => {
-                let ty = Some(self.uint);
-                let id = self.global(Op::Constant, ty, vec![Operand::LiteralBit32(value)]);
-                self.constants.insert(value, id);
-                id
-            }
-        }
-    }
-
-    fn decorate(
-        &mut self,
-        op: Op,
-        mut target: Vec<Operand>,
-        decoration: Decoration,
-        value: &[u32],
-    ) {
-        target.push(Operand::Decoration(decoration));
-        target.extend(value.iter().map(|&v| Operand::LiteralBit32(v)));
-        self.module.annotations.push(Instruction::new(op, None, None, target));
-    }
-
-    /// The ids that have a decoration, with its number.
-    fn decorations(&self, wanted: Decoration) -> HashMap<Word, u32> {
-        let of = |i: &Instruction| match (i.class.opcode, i.operands.as_slice()) {
-            (
-                Op::Decorate,
-                &[Operand::IdRef(id), Operand::Decoration(d), Operand::LiteralBit32(value)],
-            ) if d == wanted => Some((id, value)),
-            _ => None,
-        };
-        self.module.annotations.iter().filter_map(of).collect()
+        Self { edit: Edit::new(module), has_int64, pair_types: HashMap::new() }
     }
 
     /// The structs of which no member is written.
     fn read_only(&self) -> HashSet<Word> {
         let mut members: HashMap<Word, usize> = HashMap::new();
-        for i in &self.module.annotations {
+        for i in &self.edit.module.annotations {
             if let (Op::MemberDecorate, [Operand::IdRef(id), _, Operand::Decoration(d)]) =
                 (i.class.opcode, i.operands.as_slice())
                 && *d == Decoration::NonWritable
@@ -189,7 +108,7 @@ impl Rewriter {
             }
         }
         let whole = |id: &Word, count: &usize| {
-            self.globals.get(id).is_some_and(|ty| ty.operands.len() == *count)
+            self.edit.globals.get(id).is_some_and(|ty| ty.operands.len() == *count)
         };
         members.into_iter().filter(|(id, count)| whole(id, count)).map(|(id, _)| id).collect()
     }
@@ -197,21 +116,21 @@ impl Rewriter {
     /// What can be replaced: in set 0 any block, of the table the first array of blocks of words, which
     /// is the kernel's own.
     fn blocks(&self) -> Vec<Block> {
-        let sets = self.decorations(Decoration::DescriptorSet);
-        let bindings = self.decorations(Decoration::Binding);
+        let sets = self.edit.decorations(Decoration::DescriptorSet);
+        let bindings = self.edit.decorations(Decoration::Binding);
         let read_only = self.read_only();
         let mut found: Vec<Block> = Vec::new();
-        for variable in &self.module.types_global_values {
+        for variable in &self.edit.module.types_global_values {
             let (Op::Variable, Some(id), Some(Operand::StorageClass(StorageClass::StorageBuffer))) =
                 (variable.class.opcode, variable.result_id, variable.operands.first())
             else {
                 continue;
             };
-            let pointee = variable.result_type.map_or(0, |ty| self.operand(ty, 1));
+            let pointee = variable.result_type.map_or(0, |ty| self.edit.operand(ty, 1));
             let (ty, binding) = match (sets.get(&id), bindings.get(&id)) {
                 (Some(0), Some(&binding)) => (pointee, Some(binding)),
-                (Some(1), _) if self.is(pointee, Op::TypeRuntimeArray) => {
-                    (self.operand(pointee, 0), None)
+                (Some(1), _) if self.edit.is(pointee, Op::TypeRuntimeArray) => {
+                    (self.edit.operand(pointee, 0), None)
                 }
                 _ => continue,
             };
@@ -230,28 +149,18 @@ impl Rewriter {
         found
     }
 
-    fn operand(&self, id: Word, n: usize) -> Word {
-        match self.globals.get(&id).and_then(|i| i.operands.get(n)) {
-            Some(&Operand::IdRef(id)) => id,
-            _ => 0,
-        }
-    }
-
-    fn is(&self, id: Word, op: Op) -> bool {
-        self.globals.get(&id).is_some_and(|i| i.class.opcode == op)
-    }
-
     /// Whether a struct is nothing but a run-time array of unsigned words.
     fn is_words(&self, ty: Word) -> bool {
-        let array = self.operand(ty, 0);
-        let one = self.globals.get(&ty).is_some_and(|i| i.operands.len() == 1);
-        one && self.is(array, Op::TypeRuntimeArray) && self.operand(array, 0) == self.uint
+        let array = self.edit.operand(ty, 0);
+        let one = self.edit.globals.get(&ty).is_some_and(|i| i.operands.len() == 1);
+        one && self.edit.is(array, Op::TypeRuntimeArray)
+            && self.edit.operand(array, 0) == self.edit.uint
     }
 
     /// Whether nothing but loads, stores and atomics is done with what chains from `variable` point to.
     fn only_memory(&self, variable: Word) -> bool {
         let mut pointers = HashSet::from([variable]);
-        for i in self.instructions() {
+        for i in self.edit.instructions() {
             let Some(at) = i
                 .operands
                 .iter()
@@ -273,62 +182,70 @@ impl Rewriter {
         true
     }
 
-    fn instructions(&self) -> impl Iterator<Item = &Instruction> {
-        let blocks = self.module.functions.iter().flat_map(|f| &f.blocks);
-        blocks.flat_map(|block| &block.instructions)
-    }
-
     /// Declares pointers and the block of addresses, whose variable is returned.
     fn declare(&mut self, blocks: &mut [Block], binding: u32) -> Word {
-        self.module.capabilities.push(Instruction::new(
+        self.edit.module.capabilities.push(Instruction::new(
             Op::Capability,
             None,
             None,
             vec![Operand::Capability(Capability::PhysicalStorageBufferAddresses)],
         ));
-        if let Some(model) = &mut self.module.memory_model {
+        if let Some(model) = &mut self.edit.module.memory_model {
             model.operands[0] = Operand::AddressingModel(AddressingModel::PhysicalStorageBuffer64);
         }
         let mut members = Vec::new();
         for (n, block) in blocks.iter_mut().enumerate() {
-            block.member = self.constant(n as u32);
-            block.pointer = self.pointer(StorageClass::PhysicalStorageBuffer, block.ty);
+            block.member = self.edit.constant(n as u32);
+            block.pointer = self.edit.pointer(StorageClass::PhysicalStorageBuffer, block.ty);
             let mut member = block.pointer;
             if block.binding.is_none() {
-                let array =
-                    self.global(Op::TypeRuntimeArray, None, vec![Operand::IdRef(block.pointer)]);
-                self.decorate(
+                let array = self.edit.global(
+                    Op::TypeRuntimeArray,
+                    None,
+                    vec![Operand::IdRef(block.pointer)],
+                );
+                self.edit.decorate(
                     Op::Decorate,
                     vec![Operand::IdRef(array)],
                     Decoration::ArrayStride,
                     &[ADDRESS_BYTES],
                 );
-                let table = self.global(Op::TypeStruct, None, vec![Operand::IdRef(array)]);
-                self.decorate(Op::Decorate, vec![Operand::IdRef(table)], Decoration::Block, &[]);
+                let table = self.edit.global(Op::TypeStruct, None, vec![Operand::IdRef(array)]);
+                self.edit.decorate(
+                    Op::Decorate,
+                    vec![Operand::IdRef(table)],
+                    Decoration::Block,
+                    &[],
+                );
                 let first = || vec![Operand::IdRef(table), Operand::LiteralBit32(0)];
-                self.decorate(Op::MemberDecorate, first(), Decoration::Offset, &[0]);
-                self.decorate(Op::MemberDecorate, first(), Decoration::NonWritable, &[]);
-                member = self.pointer(StorageClass::PhysicalStorageBuffer, table);
-                let one = self.pointer(StorageClass::PhysicalStorageBuffer, block.pointer);
+                self.edit.decorate(Op::MemberDecorate, first(), Decoration::Offset, &[0]);
+                self.edit.decorate(Op::MemberDecorate, first(), Decoration::NonWritable, &[]);
+                member = self.edit.pointer(StorageClass::PhysicalStorageBuffer, table);
+                let one = self.edit.pointer(StorageClass::PhysicalStorageBuffer, block.pointer);
                 block.table = Some((member, one));
             }
             members.push(Operand::IdRef(member));
         }
         let count = members.len() as u32;
-        let ty = self.global(Op::TypeStruct, None, members);
-        self.decorate(Op::Decorate, vec![Operand::IdRef(ty)], Decoration::Block, &[]);
+        let ty = self.edit.global(Op::TypeStruct, None, members);
+        self.edit.decorate(Op::Decorate, vec![Operand::IdRef(ty)], Decoration::Block, &[]);
         for n in 0..count {
             let member = vec![Operand::IdRef(ty), Operand::LiteralBit32(n)];
-            self.decorate(Op::MemberDecorate, member, Decoration::Offset, &[n * ADDRESS_BYTES]);
+            self.edit.decorate(
+                Op::MemberDecorate,
+                member,
+                Decoration::Offset,
+                &[n * ADDRESS_BYTES],
+            );
         }
-        let pointer = self.pointer(StorageClass::Uniform, ty);
+        let pointer = self.edit.pointer(StorageClass::Uniform, ty);
         let class = vec![Operand::StorageClass(StorageClass::Uniform)];
-        let variable = self.global(Op::Variable, Some(pointer), class);
+        let variable = self.edit.global(Op::Variable, Some(pointer), class);
         for (decoration, value) in [(Decoration::DescriptorSet, 0), (Decoration::Binding, binding)]
         {
-            self.decorate(Op::Decorate, vec![Operand::IdRef(variable)], decoration, &[value]);
+            self.edit.decorate(Op::Decorate, vec![Operand::IdRef(variable)], decoration, &[value]);
         }
-        for entry in &mut self.module.entry_points {
+        for entry in &mut self.edit.module.entry_points {
             entry.operands.push(Operand::IdRef(variable));
         }
         variable
@@ -342,7 +259,7 @@ impl Rewriter {
         let mut uniform: HashMap<Word, Word> = HashMap::new();
         let mut chains: HashMap<Word, Place> = HashMap::new();
         let layout = Layout::new(self);
-        let mut functions = std::mem::take(&mut self.module.functions);
+        let mut functions = std::mem::take(&mut self.edit.module.functions);
         for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
             let mut code = Vec::with_capacity(block.instructions.len());
             for mut i in std::mem::take(&mut block.instructions) {
@@ -352,10 +269,11 @@ impl Rewriter {
                 };
                 let is_chain = matches!(i.class.opcode, Op::AccessChain | Op::InBoundsAccessChain);
                 if is_chain && (blocks.contains_key(&base) || chains.contains_key(&base)) {
-                    let pointee = i.result_type.map_or(0, |ty| self.operand(ty, 1));
+                    let pointee = i.result_type.map_or(0, |ty| self.edit.operand(ty, 1));
                     let class = StorageClass::PhysicalStorageBuffer;
-                    let pointer =
-                        *pointers.entry(pointee).or_insert_with(|| self.pointer(class, pointee));
+                    let pointer = *pointers
+                        .entry(pointee)
+                        .or_insert_with(|| self.edit.pointer(class, pointee));
                     i.result_type = Some(pointer);
                     let start = if let Some(block) = blocks.get(&base) {
                         let slot = block.table.map(|_| i.operands.remove(1));
@@ -379,9 +297,9 @@ impl Rewriter {
             }
             block.instructions = code;
         }
-        self.module.functions = functions;
+        self.edit.module.functions = functions;
         // An address is an address, whatever lanes hold.
-        self.module.annotations.retain(|i| match i.operands.as_slice() {
+        self.edit.module.annotations.retain(|i| match i.operands.as_slice() {
             [Operand::IdRef(id), Operand::Decoration(Decoration::NonUniform)] => {
                 !chains.contains_key(id)
             }
@@ -399,17 +317,18 @@ impl Rewriter {
         code: &mut Vec<Instruction>,
     ) -> Word {
         let mut emit = |rewriter: &mut Self, op, ty, operands| {
-            let id = rewriter.id();
+            let id = rewriter.edit.id();
             code.push(Instruction::new(op, Some(ty), Some(id), operands));
             id
         };
         let ty = block.table.map_or(block.pointer, |(table, _)| table);
-        let pointer = *uniform.entry(ty).or_insert_with(|| self.pointer(StorageClass::Uniform, ty));
+        let pointer =
+            *uniform.entry(ty).or_insert_with(|| self.edit.pointer(StorageClass::Uniform, ty));
         let operands = vec![Operand::IdRef(addresses), Operand::IdRef(block.member)];
         let member = emit(self, Op::AccessChain, pointer, operands);
         let address = emit(self, Op::Load, ty, vec![Operand::IdRef(member)]);
         let (Some((_, one)), Some(slot)) = (block.table, slot) else { return address };
-        let first = self.constant(0);
+        let first = self.edit.constant(0);
         let operands = vec![Operand::IdRef(address), Operand::IdRef(first), slot];
         let place = emit(self, Op::AccessChain, one, operands);
         let [align, bytes] = aligned(ADDRESS_BYTES);
@@ -423,15 +342,12 @@ impl Rewriter {
             Some(Operand::IdRef(id)) => !gone.contains(id),
             _ => true,
         };
-        self.module.annotations.retain(stays);
-        self.module.debug_names.retain(stays);
+        self.edit.module.annotations.retain(stays);
+        self.edit.module.debug_names.retain(stays);
         let declared = |i: &Instruction| i.result_id.is_none_or(|id| !gone.contains(&id));
-        self.module.types_global_values.retain(declared);
-        for entry in &mut self.module.entry_points {
+        self.edit.module.types_global_values.retain(declared);
+        for entry in &mut self.edit.module.entry_points {
             entry.operands.retain(|o| !matches!(o, Operand::IdRef(id) if gone.contains(id)));
-        }
-        if let Some(header) = &mut self.module.header {
-            header.bound = self.next;
         }
     }
 }

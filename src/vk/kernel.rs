@@ -6,6 +6,7 @@ use super::{
     gpu::{Gpu, Shared},
     instance::WITH_DERIVATIVES,
     reflect::{BlockBinding, KernelReflection, reflect},
+    table_bounds,
 };
 use crate::{
     error::{Error, Result},
@@ -14,6 +15,7 @@ use crate::{
 use ash::vk;
 use rspirv::spirv::Capability;
 use std::{
+    borrow::Cow,
     collections::{HashMap, HashSet},
     sync::Arc,
 };
@@ -131,7 +133,11 @@ impl Kernel {
         if let Some(addressed) = &addressed {
             reflection.replaced(addressed);
         }
-        let spirv = addressed.as_ref().map_or(info.spirv, |addressed| &addressed.spirv);
+        let mut spirv =
+            addressed.map_or(Cow::Borrowed(info.spirv), |addressed| Cow::Owned(addressed.spirv));
+        if reflection.uses_table {
+            spirv = Cow::Owned(table_bounds::keep(&spirv, shared.table_sizes).map_err(fault)?);
+        }
         // From here on `raw` destroys what exists if anything fails.
         let mut raw = RawKernel {
             name: info.name.to_string(),
@@ -142,7 +148,7 @@ impl Kernel {
             gpu: shared.clone(),
         };
         raw.create_layouts()?;
-        raw.create_pipeline(spirv, info, &specialized)?;
+        raw.create_pipeline(&spirv, info, &specialized)?;
         shared.set_name(raw.pipeline, info.name);
         Ok(Self(Arc::new(raw)))
     }

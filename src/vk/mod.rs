@@ -12,6 +12,7 @@
 //! | `access` | turns of host and device: neither touches memory that the other one is using |
 //! | `buffer`, `image`, `raw_image`, `sampler` | resources; each is freed when its last user lets go |
 //! | `kernel`, `reflect` | a compute pipeline and the names its SPIR-V binds |
+//! | `edit`, `address`, `table_bounds` | changes to the SPIR-V of kernels: blocks by address, indices inside the table |
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
 //! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
 //! | `warm` | code that drivers generate at the first dispatch |
@@ -53,6 +54,7 @@ mod copies;
 mod device;
 mod doctor;
 mod drivers;
+mod edit;
 mod enable;
 pub(crate) mod error;
 mod features;
@@ -73,6 +75,7 @@ mod requirements;
 mod resources;
 mod sampler;
 mod table;
+mod table_bounds;
 mod table_sizes;
 mod transfer;
 mod warm;

@@ -7,7 +7,7 @@
 //!
 //! A table is full of valid descriptors at all times: a driver may access the descriptor at a lane's index even
 //! while the lane is switched off, and some drivers crash on a descriptor that was never written. Free slots
-//! show a 1x1 image or a small buffer of zeros.
+//! show a 1x1 image or a small buffer of zeros. Kernels never reach beyond the table, see [`super::table_bounds`].
 
 use super::{
     buffer::{Buffer, Memory, RawBuffer},
@@ -69,7 +69,8 @@ pub(super) fn layout(gpu: &Shared) -> Result<vk::DescriptorSetLayout> {
         .map_err(|e| gpu.failure("creating the layout of the resource table", e))
 }
 
-/// The resource table of one executor.
+/// The resource table of one executor. Kernels find a resource by the number of its slot. A number beyond the last slot
+/// stands for the last slot.
 pub struct ResourceTable {
     raw: Arc<RawTable>,
     /// Slot by (binding, handles, offset, bytes): the same resource is stored once.

@@ -268,14 +268,6 @@ impl Linker {
         let pointer = self.pointer(class, pointee);
         self.declare_new(Op::Variable, Some(pointer), vec![Operand::StorageClass(class)])
     }
-
-    /// A private variable that is zero before anything is stored.
-    pub fn zeroed(&mut self, pointee: Word) -> Word {
-        let class = StorageClass::Private;
-        let (pointer, zero) = (self.pointer(class, pointee), self.null(pointee));
-        let operands = vec![Operand::StorageClass(class), id(zero)];
-        self.declare_new(Op::Variable, Some(pointer), operands)
-    }
 }
 
 /// Whether SPIR-V requires or allows that declarations of this operation with equal operands are merged.

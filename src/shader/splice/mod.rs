@@ -140,12 +140,11 @@ fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec
     Ok(finish(linker, kernel_globals, &user))
 }
 
-/// Private variables that hold where the draw's resources are in the table. They begin as zero, which is a slot of the table:
-/// a driver may read the descriptor of a lane that is switched off, and so has bound no draw yet.
+/// Private variables that hold where the draw's resources are in the table.
 fn span_variables(linker: &mut Linker, elements: &[(Word, Element)]) -> Vec<Span> {
     let uint = linker.uint();
     let mut variable = |name: String| {
-        let variable = linker.zeroed(uint);
+        let variable = linker.private(uint);
         linker.name(variable, name);
         variable
     };

@@ -53,8 +53,8 @@ impl Layout {
             _ => None,
         };
         Self {
-            offsets: rewriter.module.annotations.iter().filter_map(member).collect(),
-            strides: rewriter.decorations(Decoration::ArrayStride),
+            offsets: rewriter.edit.module.annotations.iter().filter_map(member).collect(),
+            strides: rewriter.edit.decorations(Decoration::ArrayStride),
         }
     }
 }
@@ -68,25 +68,25 @@ impl Rewriter {
     /// Where `indices` lead from `place`.
     pub(super) fn place(&self, layout: &Layout, mut place: Place, indices: &[Operand]) -> Place {
         for index in indices.iter().filter_map(Operand::id_ref_any) {
-            let ty = self.globals.get(&place.ty).map(|ty| ty.class.opcode);
-            let number = self.number(index);
+            let ty = self.edit.globals.get(&place.ty).map(|ty| ty.class.opcode);
+            let number = self.edit.number(index);
             let (bytes, next) = match (ty, number) {
                 (Some(Op::TypeStruct), Some(n)) => (
                     layout.offsets.get(&(place.ty, n)).copied(),
-                    self.operand(place.ty, n as usize),
+                    self.edit.operand(place.ty, n as usize),
                 ),
                 // An element that is known lies at an offset, any other at some multiple of the stride.
                 (Some(Op::TypeArray | Op::TypeRuntimeArray), n) => {
                     let stride = layout.strides.get(&place.ty);
                     let bytes = stride.map(|&stride| stride.wrapping_mul(n.unwrap_or(1)));
-                    (bytes, self.operand(place.ty, 0))
+                    (bytes, self.edit.operand(place.ty, 0))
                 }
                 (Some(Op::TypeVector), n) => {
-                    let part = self.operand(place.ty, 0);
+                    let part = self.edit.operand(place.ty, 0);
                     (Some(self.scalar_bytes(part).0.wrapping_mul(n.unwrap_or(1))), part)
                 }
                 // A matrix may be stored by rows or by columns.
-                _ => (None, self.operand(place.ty, 0)),
+                _ => (None, self.edit.operand(place.ty, 0)),
             };
             let divides =
                 |bytes: u32| if bytes == 0 { u32::MAX } else { bytes & bytes.wrapping_neg() };
@@ -98,7 +98,7 @@ impl Rewriter {
     /// Bytes of the smallest and the largest scalar of a type. Values lie at multiples of the latter:
     /// layouts may be scalar.
     pub(super) fn scalar_bytes(&self, ty: Word) -> (u32, u32) {
-        let Some(i) = self.globals.get(&ty) else { return (0, 1) };
+        let Some(i) = self.edit.globals.get(&ty) else { return (0, 1) };
         let parts = match (i.class.opcode, i.operands.first()) {
             (Op::TypeInt | Op::TypeFloat, Some(&Operand::LiteralBit32(bits))) => {
                 return (bits / 8, bits / 8);
@@ -112,18 +112,9 @@ impl Rewriter {
         parts.fold((ADDRESS_BYTES, 1), |all, part| (all.0.min(part.0), all.1.max(part.1)))
     }
 
-    /// The value of a constant that no specialization changes.
-    fn number(&self, id: Word) -> Option<u32> {
-        let i = self.globals.get(&id).filter(|i| i.class.opcode == Op::Constant)?;
-        match i.operands.as_slice() {
-            &[Operand::LiteralBit32(value)] => Some(value),
-            _ => None,
-        }
-    }
-
     /// The pairs of a vector of two or four words.
     fn pairs_of(&self, ty: Word) -> Option<u32> {
-        let i = self.globals.get(&ty).filter(|i| i.class.opcode == Op::TypeVector)?;
+        let i = self.edit.globals.get(&ty).filter(|i| i.class.opcode == Op::TypeVector)?;
         match i.operands.as_slice() {
             &[Operand::IdRef(part), Operand::LiteralBit32(n)] => {
                 let words = self.scalar_bytes(part) == (4, 4);
@@ -146,11 +137,11 @@ impl Rewriter {
             return false;
         };
         let (pointer, ty) = self.pair_types(pairs);
-        let cast = self.id();
+        let cast = self.edit.id();
         let place = i.operands[0].clone();
         code.push(Instruction::new(Op::Bitcast, Some(pointer), Some(cast), vec![place]));
         let [access, bytes] = aligned(PAIR_BYTES);
-        let value = self.id();
+        let value = self.edit.id();
         if i.class.opcode == Op::Load {
             let operands = vec![Operand::IdRef(cast), access, bytes];
             code.push(Instruction::new(Op::Load, Some(ty), Some(value), operands));
@@ -174,9 +165,10 @@ impl Rewriter {
             self.int64()
         } else {
             let part = self.pair_types(1).1;
-            self.declared(Op::TypeVector, vec![Operand::IdRef(part), Operand::LiteralBit32(pairs)])
+            self.edit
+                .declared(Op::TypeVector, vec![Operand::IdRef(part), Operand::LiteralBit32(pairs)])
         };
-        let types = (self.pointer(StorageClass::PhysicalStorageBuffer, ty), ty);
+        let types = (self.edit.pointer(StorageClass::PhysicalStorageBuffer, ty), ty);
         self.pair_types.insert(pairs, types);
         types
     }
@@ -184,21 +176,12 @@ impl Rewriter {
     /// The type of a 64-bit unsigned integer, with the capability for it.
     fn int64(&mut self) -> Word {
         let capability = Operand::Capability(Capability::Int64);
-        let has = self.module.capabilities.iter().any(|i| i.operands[0] == capability);
+        let has = self.edit.module.capabilities.iter().any(|i| i.operands[0] == capability);
         if !has {
             let declaration = Instruction::new(Op::Capability, None, None, vec![capability]);
-            self.module.capabilities.push(declaration);
+            self.edit.module.capabilities.push(declaration);
         }
-        self.declared(Op::TypeInt, vec![Operand::LiteralBit32(64), Operand::LiteralBit32(0)])
-    }
-
-    /// A type that is not an aggregate, which a module may declare only once.
-    fn declared(&mut self, op: Op, operands: Vec<Operand>) -> Word {
-        let same = |i: &&Instruction| i.class.opcode == op && i.operands == operands;
-        match self.globals.values().find(same).and_then(|i| i.result_id) {
-            Some(id) => id,
-            None => self.global(op, None, operands),
-        }
+        self.edit.declared(Op::TypeInt, vec![Operand::LiteralBit32(64), Operand::LiteralBit32(0)])
     }
 }
 

@@ -1,0 +1,241 @@
+//! Keeps a kernel's indices of the resource table inside the table.
+//!
+//! An index beyond the table would have the device read memory that is no descriptor, whoever computed it: the kernel of a
+//! user in safe code, or nobody at all, since some drivers (SwiftShader is one) also read the descriptors of lanes
+//! that are switched off, where the index is whatever the registers hold. So each index becomes the least of itself and
+//! the number of the last slot. All slots hold valid descriptors, see [`super::table`].
+
+use super::{edit::Edit, table_sizes::TableSizes};
+use crate::load_spirv::load;
+use rspirv::{
+    dr::{Instruction, Operand},
+    spirv::{Decoration, GlslStd450Op, Op, Word},
+};
+use std::collections::{HashMap, HashSet};
+
+/// The module with its indices kept inside a table of these sizes.
+///
+/// # Errors
+/// The reason, if the words are no module, or if it declares more slots than the table has.
+pub(super) fn keep(words: &[u32], sizes: TableSizes) -> Result<Vec<u32>, String> {
+    let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
+    let mut bounds = Bounds { edit: Edit::new(module), std450: None };
+    let arrays = bounds.arrays(sizes)?;
+    bounds.rewrite(&arrays);
+    Ok(bounds.edit.assemble())
+}
+
+struct Bounds {
+    edit: Edit,
+    /// The set of extended instructions that has `UMin`.
+    std450: Option<Word>,
+}
+
+impl Bounds {
+    /// The arrays of the table, and the parameters of functions that stand for them, with the number of the last slot.
+    fn arrays(&self, sizes: TableSizes) -> Result<HashMap<Word, u32>, String> {
+        let edit = &self.edit;
+        let sets = edit.decorations(Decoration::DescriptorSet);
+        let bindings = edit.decorations(Decoration::Binding);
+        let mut arrays = HashMap::new();
+        for variable in &edit.module.types_global_values {
+            let (Op::Variable, Some(id)) = (variable.class.opcode, variable.result_id) else {
+                continue;
+            };
+            let array = variable.result_type.map_or(0, |ty| edit.operand(ty, 1));
+            let is_array = edit.is(array, Op::TypeArray) || edit.is(array, Op::TypeRuntimeArray);
+            let (Some(1), Some(&binding), true) = (sets.get(&id), bindings.get(&id), is_array)
+            else {
+                continue;
+            };
+            let slots = sizes.by_binding().get(binding as usize).copied().unwrap_or(1);
+            let declared = edit.number(edit.operand(array, 1)).unwrap_or(slots);
+            if declared > slots {
+                return Err(format!(
+                    "declares {declared} elements of binding {binding} of the resource table, which has {slots} on this device"
+                ));
+            }
+            arrays.insert(id, declared.saturating_sub(1));
+        }
+        // A function may call another with what it was called with.
+        while self.pass_on(&mut arrays) {}
+        Ok(arrays)
+    }
+
+    /// Follows arrays into the functions that are called with them: false if there is nothing new.
+    fn pass_on(&self, arrays: &mut HashMap<Word, u32>) -> bool {
+        let functions = &self.edit.module.functions;
+        let mut found = false;
+        for call in self.edit.instructions().filter(|i| i.class.opcode == Op::FunctionCall) {
+            let mut ids = call.operands.iter().filter_map(Operand::id_ref_any);
+            let called = ids.next();
+            let called =
+                functions.iter().find(|f| f.def.as_ref().and_then(|def| def.result_id) == called);
+            let parameters = called.map_or(&[][..], |f| &f.parameters);
+            for (argument, parameter) in ids.zip(parameters.iter().filter_map(|p| p.result_id)) {
+                let Some(&last) = arrays.get(&argument) else { continue };
+                if arrays.get(&parameter).is_none_or(|known| last < *known) {
+                    arrays.insert(parameter, last);
+                    found = true;
+                }
+            }
+        }
+        found
+    }
+
+    fn rewrite(&mut self, arrays: &HashMap<Word, u32>) {
+        let types: HashMap<Word, Word> = (self.edit.module.all_inst_iter())
+            .filter_map(|i| Some((i.result_id?, i.result_type?)))
+            .collect();
+        let non_uniform = (self.edit.module.annotations.iter())
+            .filter(|i| i.operands.get(1) == Some(&Operand::Decoration(Decoration::NonUniform)))
+            .filter_map(|i| i.operands[0].id_ref_any());
+        let non_uniform: HashSet<Word> = non_uniform.collect();
+        let mut functions = std::mem::take(&mut self.edit.module.functions);
+        for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
+            let mut code = Vec::with_capacity(block.instructions.len());
+            for mut i in std::mem::take(&mut block.instructions) {
+                if let (
+                    Op::AccessChain | Op::InBoundsAccessChain,
+                    &[Operand::IdRef(base), Operand::IdRef(index), ..],
+                ) = (i.class.opcode, i.operands.as_slice())
+                    && let Some(&last) = arrays.get(&base)
+                    && self.edit.number(index).is_none_or(|known| known > last)
+                {
+                    let ty = types.get(&index).copied().unwrap_or(self.edit.uint);
+                    let inside = self.inside(index, ty, last, &mut code);
+                    if non_uniform.contains(&index) {
+                        let target = vec![Operand::IdRef(inside)];
+                        self.edit.decorate(Op::Decorate, target, Decoration::NonUniform, &[]);
+                    }
+                    i.operands[1] = Operand::IdRef(inside);
+                }
+                code.push(i);
+            }
+            block.instructions = code;
+        }
+        self.edit.module.functions = functions;
+    }
+
+    /// The least of `index`, an integer of any type, and `last`.
+    fn inside(&mut self, index: Word, ty: Word, last: u32, code: &mut Vec<Instruction>) -> Word {
+        let uint = self.edit.uint;
+        let mut emit = |edit: &mut Edit, op, operands| {
+            let id = edit.id();
+            code.push(Instruction::new(op, Some(uint), Some(id), operands));
+            id
+        };
+        let mut index = index;
+        if ty != uint {
+            let bits = self.edit.globals.get(&ty).and_then(|ty| ty.operands.first());
+            let same = bits == Some(&Operand::LiteralBit32(32));
+            let op = if same { Op::Bitcast } else { Op::UConvert };
+            index = emit(&mut self.edit, op, vec![Operand::IdRef(index)]);
+        }
+        let operands = vec![
+            Operand::IdRef(self.std450()),
+            Operand::LiteralExtInstInteger(GlslStd450Op::UMin as u32),
+            Operand::IdRef(index),
+            Operand::IdRef(self.edit.constant(last)),
+        ];
+        emit(&mut self.edit, Op::ExtInst, operands)
+    }
+
+    fn std450(&mut self) -> Word {
+        let name = Operand::LiteralString("GLSL.std.450".into());
+        let edit = &mut self.edit;
+        *self.std450.get_or_insert_with(|| {
+            let imports = &edit.module.ext_inst_imports;
+            let known = imports.iter().find(|i| i.operands[0] == name).and_then(|i| i.result_id);
+            known.unwrap_or_else(|| {
+                let id = edit.id();
+                let import = Instruction::new(Op::ExtInstImport, None, Some(id), vec![name]);
+                edit.module.ext_inst_imports.push(import);
+                id
+            })
+        })
+    }
+}
+
+#[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
+mod tests {
+    use super::*;
+    use crate::{
+        prebuilt,
+        shader::testing::{complaint, kernel},
+    };
+
+    const SIZES: TableSizes =
+        TableSizes { sampled: 20, textures: 10, samplers: 8, storage_images: 4, buffers: 30 };
+
+    /// The limits of the indices, in the order of the code.
+    fn limits(words: &[u32]) -> Vec<u32> {
+        let edit = Edit::new(load(words).unwrap());
+        let is_min = |i: &&Instruction| {
+            i.class.opcode == Op::ExtInst
+                && i.operands[1] == Operand::LiteralExtInstInteger(GlslStd450Op::UMin as u32)
+        };
+        let limit = |i: &Instruction| edit.number(i.operands[3].id_ref_any()?);
+        edit.instructions().filter(is_min).filter_map(limit).collect()
+    }
+
+    fn kept(declarations: &str, body: &str) -> Result<Vec<u32>, String> {
+        let words = kernel(&format!(
+            "#version 460
+             #extension GL_EXT_nonuniform_qualifier : require
+             #extension GL_EXT_samplerless_texture_functions : require
+             layout(local_size_x = 64) in;
+             layout(set = 0, binding = 0) buffer Sink {{ vec4 sink[]; }};
+             {declarations}
+             void main() {{ uint i = gl_GlobalInvocationID.x; {body} }}"
+        ));
+        let kept = keep(&words, SIZES)?;
+        assert_eq!(complaint(&kept), None, "{declarations} {body}");
+        Ok(limits(&kept))
+    }
+
+    #[test]
+    fn every_index_of_the_table_is_kept_inside() {
+        let declared = "layout(set = 1, binding = 0) uniform sampler2D sampled[];
+            layout(set = 1, binding = 0) uniform texture2D without_sampler[];
+            layout(set = 1, binding = 1) uniform texture2D textures[];
+            layout(set = 1, binding = 2) uniform sampler samplers[3];
+            layout(set = 1, binding = 3, rgba8) uniform image2D images[];
+            layout(set = 1, binding = 4) buffer Words { vec4 words[]; } buffers[];
+            layout(set = 1, binding = 1) uniform texture2D alone;";
+        let body = "sink[i] = textureLod(sampled[nonuniformEXT(i)], vec2(0), 0)
+                + texelFetch(without_sampler[i], ivec2(0), 0)
+                + textureLod(sampler2D(textures[int(i)], samplers[i]), vec2(0), 0)
+                + imageLoad(images[i], ivec2(0)) + buffers[i].words[1000] + buffers[i].words.length()
+                + texelFetch(alone, ivec2(0), 0);";
+        assert_eq!(kept(declared, body), Ok(vec![19, 19, 9, 2, 3, 29, 29]));
+    }
+
+    #[test]
+    fn arrays_are_followed_into_functions() {
+        let declared = "layout(set = 1, binding = 1) uniform texture2D textures[6];
+            vec4 inner(texture2D those[6], uint i) { return texelFetch(those[i], ivec2(0), 0); }
+            vec4 outer(texture2D those[6], uint i) { return inner(those, i + 1u); }";
+        assert_eq!(kept(declared, "sink[i] = outer(textures, i);"), Ok(vec![5]));
+    }
+
+    #[test]
+    fn constants_inside_stay_and_arrays_beyond_the_table_are_refused() {
+        let declared = "layout(set = 1, binding = 4) buffer Words { vec4 words[]; } buffers[];
+            layout(constant_id = 0) const uint SPECIAL = 1u;";
+        assert_eq!(kept(declared, "sink[i] = buffers[29].words[i];"), Ok(vec![]));
+        assert_eq!(kept(declared, "sink[i] = buffers[SPECIAL].words[i];"), Ok(vec![29]));
+        // The compiler takes the greatest constant for the length of such an array.
+        let error = kept(declared, "sink[i] = buffers[30].words[i];").unwrap_err();
+        assert!(error.contains("31 elements of binding 4") && error.contains("has 30"), "{error}");
+        let sized = "layout(set = 1, binding = 3, rgba8) uniform image2D images[5];";
+        assert!(kept(sized, "sink[i] = imageLoad(images[i], ivec2(0));").is_err());
+    }
+
+    #[test]
+    fn the_kernels_of_the_engine_stay_valid() {
+        for words in prebuilt::KERNELS {
+            assert_eq!(complaint(&keep(words, SIZES).unwrap()), None);
+        }
+    }
+}
