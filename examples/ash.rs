@@ -3,23 +3,20 @@
 //!
 //! `cargo run --release --example ash --features glsl` writes `ash.png`.
 
-use std::{error::Error, fs::File, sync::Arc};
-use tilewright::compute::Renderer;
-use tilewright::format::Format;
-use tilewright::image::{Extent, Image, png};
-use tilewright::pass::{Draw, Pass, Pipeline};
-use tilewright::shader::{Shader, Stage};
-use tilewright::target::{ColorTarget, LoadOp};
+use std::{error::Error, fs::File};
+use tilewright::image::png;
 use tilewright::vk::ash::{self, vk};
-use tilewright::vk::{
-    self as tile, CallerCommands, CallerDevice, CallerImage, Enable, Gpu, GpuOptions,
+use tilewright::vk::{CallerCommands, CallerDevice, CallerImage, Enable};
+use tilewright::{
+    ColorTarget, Draw, Extent, Format, Gpu, GpuOptions, Image, LoadOp, Pass, Picture, Pipeline,
+    Renderer, Shader, Stage,
 };
 
 /// Draws a triangle on a device that `instance` has, which was created for Vulkan 1.3.
 ///
 /// # Safety
 /// The instance is alive.
-pub unsafe fn draw(instance: &ash::Instance, extent: Extent) -> Result<Image, Box<dyn Error>> {
+pub unsafe fn draw(instance: &ash::Instance, extent: Extent) -> Result<Picture, Box<dyn Error>> {
     unsafe {
         // The program's device. `Enable` adds what tilewright needs to what the program wants.
         let physical = instance.enumerate_physical_devices()?[0];
@@ -84,15 +81,13 @@ pub unsafe fn draw(instance: &ash::Instance, extent: Extent) -> Result<Image, Bo
         let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
         let format = Format::Rgba8Srgb;
         let target = CallerImage::new(image, extent, format, usage, layout);
-        let target = tile::Image::adopt(&gpu, &target)?;
+        let target = Image::adopt(&gpu, &target)?;
         let vertex = Shader::from_glsl(Stage::Vertex, "hello", include_str!("hello.vert"))?;
         let fragment = Shader::from_glsl(Stage::Fragment, "hello", include_str!("hello.frag"))?;
-        let mut pass = Pass::new("triangle", extent);
-        pass.colors = vec![ColorTarget::on_device(&target, LoadOp::Load)];
-        pass.depth = None;
-        pass.pipelines =
-            vec![Arc::new(Pipeline::new("hello", Arc::new(vertex), Arc::new(fragment)))];
-        pass.draws = vec![Draw::new(0, 3)];
+        let pass = Pass::new("triangle", extent)
+            .colors([ColorTarget::on_device(&target, LoadOp::Load)])
+            .pipelines([Pipeline::new("hello", vertex, fragment)])
+            .draws([Draw::new(0, 3)]);
         let mut renderer = Renderer::new(&gpu)?;
 
         // The program's commands: clear the image, let tilewright draw, copy the image to the buffer.
@@ -161,7 +156,7 @@ pub unsafe fn draw(instance: &ash::Instance, extent: Extent) -> Result<Image, Bo
         device.free_memory(read_memory, None);
         device.free_memory(image_memory, None);
         device.destroy_device(None);
-        Ok(Image { extent, format: Format::Rgba8Srgb, bytes })
+        Ok(Picture { extent, format: Format::Rgba8Srgb, bytes })
     }
 }
 

@@ -6,18 +6,16 @@
 //!
 //! `cargo run --release --example gbuffer --features glsl` writes `gbuffer.png`.
 
-use glam::Vec3;
 use glam::camera::rh::{proj::vulkan::perspective, view::look_at_mat4};
-use std::{error::Error, fs::File, sync::Arc};
-use tilewright::compute::Renderer;
-use tilewright::format::Format;
-use tilewright::image::{Extent, Image, png};
-use tilewright::pass::{Binding, BindingEntry, BindingSet, Draw, Pass, Pipeline};
-use tilewright::shader::{Shader, Stage};
+use glam::{Mat4, Vec3};
+use std::{error::Error, fs::File};
+use tilewright::image::png;
 use tilewright::state::{Compare, DepthState};
-use tilewright::target::{ColorTarget, DepthTarget, LoadOp};
-use tilewright::texture::{Sampler, Texture};
-use tilewright::vk::{self, Gpu, GpuOptions, ImageInfo, ImageUse};
+use tilewright::{
+    Binding, BindingSet, ColorTarget, DepthTarget, Draw, Extent, Format, Gpu, GpuOptions, Image,
+    ImageInfo, ImageUse, LoadOp, Pass, Picture, Pipeline, Renderer, Sampler, Shader, Stage,
+    Texture,
+};
 
 /// Tori, each an instance; the shader makes them, so that there are no buffers.
 const VERTEX: &str = "#version 450
@@ -93,10 +91,9 @@ void main() {
 }";
 
 /// Draws one frame of `extent`.
-pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Image> {
-    let image = |name, format| {
-        vk::Image::new(gpu, &ImageInfo::new(name, extent, format, ImageUse::Attachment))
-    };
+pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Picture> {
+    let image =
+        |name, format| Image::new(gpu, &ImageInfo::new(name, extent, format, ImageUse::Attachment));
     let (colors, normals) =
         (image("colors", Format::Rgba8Unorm)?, image("normals", Format::Rgba16Float)?);
     let (depth, picture) =
@@ -105,44 +102,41 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Image> {
     let aspect = extent.width as f32 / extent.height as f32;
     let clip_of_world =
         perspective(0.75, aspect, 0.1, 20.0) * look_at_mat4(eye, Vec3::ZERO, Vec3::Y);
-    let push = |matrix: glam::Mat4| {
-        let words = [&matrix.to_cols_array()[..], &[eye.x, eye.y, eye.z, 1.0]].concat();
-        bytemuck::cast_slice(&words).to_vec()
+    // The last row of the push constants: where the eye is.
+    let push = |matrix: Mat4| {
+        [matrix.to_cols_array_2d().as_slice(), &[[eye.x, eye.y, eye.z, 1.0]]].concat()
     };
     let pipeline = |vertex: &str, fragment: &str| -> tilewright::Result<Pipeline> {
-        let vertex = Arc::new(Shader::from_glsl(Stage::Vertex, "gbuffer", vertex)?);
-        let fragment = Arc::new(Shader::from_glsl(Stage::Fragment, "gbuffer", fragment)?);
-        Ok(Pipeline::new("gbuffer", vertex, fragment))
+        let vertex = Shader::from_glsl(Stage::Vertex, "gbuffer", vertex)?;
+        Ok(Pipeline::new(
+            "gbuffer",
+            vertex,
+            Shader::from_glsl(Stage::Fragment, "gbuffer", fragment)?,
+        ))
     };
-    let surfaces =
-        Draw { push_constants: push(clip_of_world), instances: 9, ..Draw::new(0, 48 * 24 * 6) };
+    let surfaces = Draw::new(0, 48 * 24 * 6)
+        .push_constants(bytemuck::cast_slice(&push(clip_of_world)))
+        .instances(9);
 
-    let mut first = Pass::new("colours of surfaces", extent);
-    first.colors = vec![ColorTarget::on_device(&colors, LoadOp::Clear([0.0; 4]))];
-    first.depth = Some(DepthTarget::on_device(&depth, LoadOp::Clear(1.0)));
-    first.pipelines = vec![Arc::new(pipeline(VERTEX, COLOR)?)];
-    first.draws = vec![surfaces.clone()];
+    let first = Pass::new("colours of surfaces", extent)
+        .colors([ColorTarget::on_device(&colors, LoadOp::Clear([0.0; 4]))])
+        .depth(DepthTarget::on_device(&depth, LoadOp::Clear(1.0)))
+        .pipelines([pipeline(VERTEX, COLOR)?])
+        .draws([surfaces.clone()]);
 
-    let mut second = Pass::new("normals and distances of surfaces", extent);
-    second.colors = vec![ColorTarget::on_device(&normals, LoadOp::Clear([0.0; 4]))];
-    second.depth = Some(DepthTarget::on_device(&depth, LoadOp::Load));
-    let mut visible = pipeline(VERTEX, NORMAL)?;
-    visible.depth = DepthState { compare: Compare::LessOrEqual, ..DepthState::default() };
-    second.pipelines = vec![Arc::new(visible)];
-    second.draws = vec![surfaces];
+    let second = Pass::new("normals and distances of surfaces", extent)
+        .colors([ColorTarget::on_device(&normals, LoadOp::Clear([0.0; 4]))])
+        .depth(DepthTarget::on_device(&depth, LoadOp::Load))
+        .pipelines([pipeline(VERTEX, NORMAL)?.depth(DepthState::new(Compare::LessOrEqual))])
+        .draws([surfaces]);
 
-    let mut third = Pass::new("light", extent);
-    third.colors = vec![ColorTarget::on_device(&picture, LoadOp::Clear([0.0; 4]))];
-    third.pipelines = vec![Arc::new(pipeline(WHOLE, LIGHT)?)];
-    let sampled = |(binding, image)| {
-        let texture = Arc::new(Texture::on_device(image));
-        let resources = vec![Binding::Sampled(texture, Sampler::nearest())];
-        BindingEntry { binding, resources }
-    };
-    let entries = (0..).zip([&colors, &normals]).map(sampled).collect();
-    let sets = vec![Arc::new(BindingSet { entries })];
-    third.draws =
-        vec![Draw { sets, push_constants: push(clip_of_world.inverse()), ..Draw::new(0, 3) }];
+    let sampled = |image| Binding::sampled(Texture::on_device(image), Sampler::nearest());
+    let third = Pass::new("light", extent)
+        .colors([ColorTarget::on_device(&picture, LoadOp::Clear([0.0; 4]))])
+        .pipelines([pipeline(WHOLE, LIGHT)?])
+        .draws([Draw::new(0, 3)
+            .sets([BindingSet::new([(0, sampled(&colors)), (1, sampled(&normals))])])
+            .push_constants(bytemuck::cast_slice(&push(clip_of_world.inverse())))]);
 
     let mut renderer = Renderer::new(gpu)?;
     let mut frame = renderer.begin()?;

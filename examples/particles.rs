@@ -3,18 +3,15 @@
 //!
 //! `cargo run --release --example particles --features glsl` writes `particles.png`.
 
-use std::{error::Error, fs::File, sync::Arc};
-use tilewright::compute::Renderer;
-use tilewright::format::{Format, VertexFormat};
-use tilewright::image::{Extent, Image, png};
-use tilewright::pass::{
-    BufferRange, Draw, Indirect, IndirectCommand, Pass, Pipeline, StepRate, VertexAttribute,
-    VertexBinding,
+use std::{error::Error, fs::File};
+use tilewright::image::png;
+use tilewright::pass::IndirectCommand;
+use tilewright::state::{Blend, Topology};
+use tilewright::{
+    Buffer, BufferRange, ColorTarget, Draw, Extent, Format, Gpu, GpuOptions, Image, ImageInfo,
+    ImageUse, Indirect, Kernel, LoadOp, Memory, Pass, Picture, Pipeline, Renderer, Shader, Stage,
+    VertexAttribute, VertexBinding, VertexFormat,
 };
-use tilewright::shader::{Shader, Stage};
-use tilewright::state::Blend;
-use tilewright::target::{ColorTarget, LoadOp};
-use tilewright::vk::{self, Gpu, GpuOptions, ImageInfo, ImageUse, Kernel, Memory};
 
 const PARTICLES: u32 = 20_000;
 
@@ -59,41 +56,34 @@ layout(location = 0) out vec4 color;
 void main() { color = vec4(tint, 0.5 * max(1.0 - dot(corner, corner), 0.0)); }";
 
 /// Draws `frames` frames of `extent`; returns the last one and the particles that it shows.
-pub fn fountain(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<(Image, u32)> {
+pub fn fountain(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<(Picture, u32)> {
     let (format, usage) = (Format::Rgba8Srgb, ImageUse::Attachment);
     let info = ImageInfo::new("fountain", extent, format, usage);
-    let picture = vk::Image::new(gpu, &info)?;
-    let shown = vk::Buffer::<[f32; 4]>::new(gpu, "shown", PARTICLES as usize, Memory::Device)?;
-    let command = vk::Buffer::<IndirectCommand>::new(gpu, "command", 1, Memory::Device)?;
+    let picture = Image::new(gpu, &info)?;
+    let shown = Buffer::<[f32; 4]>::new(gpu, "shown", PARTICLES as usize, Memory::Device)?;
+    let command = Buffer::<IndirectCommand>::new(gpu, "command", 1, Memory::Device)?;
     let kernel = Kernel::from_glsl(gpu, "move", MOVE)?;
 
     let vertex = Shader::from_glsl(Stage::Vertex, "particles.vert", VERTEX)?;
     let fragment = Shader::from_glsl(Stage::Fragment, "particles.frag", FRAGMENT)?;
-    let mut pipeline = Pipeline::new("particles", Arc::new(vertex), Arc::new(fragment));
-    pipeline.topology = tilewright::state::Topology::TriangleStrip;
-    pipeline.blend = Some(Blend::ALPHA);
-    pipeline.vertex_bindings = vec![VertexBinding { stride: 16, rate: StepRate::Instance }];
-    pipeline.vertex_attributes =
-        vec![VertexAttribute { location: 0, binding: 0, format: VertexFormat::F32X4, offset: 0 }];
-    let mut draw = Draw::new(0, 0);
-    draw.vertex_buffers = vec![BufferRange::on_device(&shown)];
-    draw.indirect = Some(Indirect {
-        commands: BufferRange::on_device(&command),
-        stride: 16,
-        draws: 1,
-        count: None,
-        primitives: 2 * PARTICLES,
-    });
-    let mut pass = Pass::new("particles", extent);
-    pass.colors = vec![ColorTarget::on_device(&picture, LoadOp::Clear([0.0, 0.0, 0.01, 1.0]))];
-    pass.pipelines = vec![Arc::new(pipeline)];
-    pass.draws = vec![draw];
+    let pipeline = Pipeline::new("particles", vertex, fragment)
+        .topology(Topology::TriangleStrip)
+        .blend(Blend::ALPHA)
+        .vertex_bindings([VertexBinding::per_instance(16)])
+        .vertex_attributes([VertexAttribute::new(0, 0, VertexFormat::F32X4, 0)]);
+    let draw = Draw::new(0, 0)
+        .vertex_buffers([BufferRange::on_device(&shown)])
+        .indirect(Indirect::new(&command, 2 * PARTICLES));
+    let pass = Pass::new("particles", extent)
+        .colors([ColorTarget::on_device(&picture, LoadOp::Clear([0.0, 0.0, 0.01, 1.0]))])
+        .pipelines([pipeline])
+        .draws([draw]);
 
     let mut renderer = Renderer::new(gpu)?;
     for n in 0..frames {
         let mut frame = renderer.begin()?;
         // A strip of four vertices, and no instance yet.
-        frame.update(&command, &[IndirectCommand { count: 4, ..IndirectCommand::default() }])?;
+        frame.upload(&command, &[IndirectCommand { count: 4, ..IndirectCommand::default() }])?;
         frame
             .kernel(&kernel)
             .bind("Shown", &shown)

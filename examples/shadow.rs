@@ -3,21 +3,19 @@
 //!
 //! `cargo run --release --example shadow --features glsl` writes `shadow.png`.
 
+use glam::Vec3;
 use glam::camera::rh::{
     proj::vulkan::{orthographic, perspective},
     view::look_at_mat4,
 };
-use glam::{Mat4, Vec3};
-use std::{error::Error, fs::File, sync::Arc};
-use tilewright::compute::Renderer;
-use tilewright::format::Format;
-use tilewright::image::{Extent, Image, png};
-use tilewright::pass::{Binding, BindingEntry, BindingSet, Draw, Pass, Pipeline};
-use tilewright::shader::{Shader, Stage};
+use std::{error::Error, fs::File};
+use tilewright::image::png;
 use tilewright::state::Compare;
-use tilewright::target::{ColorTarget, DepthTarget, LoadOp};
-use tilewright::texture::{Sampler, Texture};
-use tilewright::vk::{self, Gpu, GpuOptions, ImageInfo, ImageUse};
+use tilewright::{
+    Binding, BindingSet, ColorTarget, DepthTarget, Draw, Extent, Format, Gpu, GpuOptions, Image,
+    ImageInfo, ImageUse, LoadOp, Pass, Picture, Pipeline, Renderer, Sampler, Shader, Stage,
+    Texture,
+};
 
 /// Boxes on a floor, each an instance of 36 vertices. The shader makes them, so that there are no buffers.
 const BOXES: &str = "
@@ -76,9 +74,9 @@ void main() {
 }";
 
 /// Draws one frame of `extent`.
-pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Image> {
+pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Picture> {
     let image = |name, extent, format| {
-        vk::Image::new(gpu, &ImageInfo::new(name, extent, format, ImageUse::Attachment))
+        Image::new(gpu, &ImageInfo::new(name, extent, format, ImageUse::Attachment))
     };
     let shadow_map = image("shadow map", Extent::new(1024, 1024), Format::D32Float)?;
     let picture = image("picture", extent, Format::Rgba8Srgb)?;
@@ -89,32 +87,26 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Image> {
     let eye = perspective(0.7, aspect, 0.1, 20.0) * from_eye;
     let pipeline = |label: &str, vertex: &str, fragment: &str| -> tilewright::Result<_> {
         let vertex = format!("#version 450\n{BOXES}{vertex}");
-        let vertex = Arc::new(Shader::from_glsl(Stage::Vertex, label, &vertex)?);
-        let fragment = Arc::new(Shader::from_glsl(Stage::Fragment, label, fragment)?);
-        Ok(vec![Arc::new(Pipeline::new(label, vertex, fragment))])
+        let vertex = Shader::from_glsl(Stage::Vertex, label, &vertex)?;
+        Ok(Pipeline::new(label, vertex, Shader::from_glsl(Stage::Fragment, label, fragment)?))
     };
-    let boxes = |matrices: &[Mat4]| Draw {
-        push_constants: bytemuck::cast_slice(matrices).to_vec(),
-        instances: 5,
-        ..Draw::new(0, 36)
-    };
+    let boxes = Draw::new(0, 36).instances(5);
 
-    let mut first = Pass::new("what the light sees", shadow_map.extent());
-    first.colors.clear();
-    first.depth = Some(DepthTarget::on_device(&shadow_map, LoadOp::Clear(1.0)));
-    first.pipelines = pipeline("light", LIGHT_VERTEX, LIGHT_FRAGMENT)?;
-    first.draws = vec![boxes(&[light])];
+    let first = Pass::new("what the light sees", shadow_map.extent())
+        .colors([])
+        .depth(DepthTarget::on_device(&shadow_map, LoadOp::Clear(1.0)))
+        .pipelines([pipeline("light", LIGHT_VERTEX, LIGHT_FRAGMENT)?])
+        .draws([boxes.clone().push(&light.to_cols_array())]);
 
-    let mut second = Pass::new("what the eye sees", extent);
-    second.colors = vec![ColorTarget::on_device(&picture, LoadOp::Clear([0.3, 0.4, 0.5, 1.0]))];
-    second.depth = Some(DepthTarget::transient(1.0));
-    second.pipelines = pipeline("eye", VERTEX, FRAGMENT)?;
-    let sampler = Sampler { compare: Some(Compare::LessOrEqual), ..Sampler::nearest() };
-    let texture = Arc::new(Texture::on_device(&shadow_map));
-    let resources = vec![Binding::Sampled(texture, sampler)];
-    let entries = vec![BindingEntry { binding: 0, resources }];
-    let sets = vec![Arc::new(BindingSet { entries })];
-    second.draws = vec![Draw { sets, ..boxes(&[eye, light]) }];
+    let sampler = Sampler::nearest().compare(Some(Compare::LessOrEqual));
+    let shadow = Binding::sampled(Texture::on_device(&shadow_map), sampler);
+    let second = Pass::new("what the eye sees", extent)
+        .colors([ColorTarget::on_device(&picture, LoadOp::Clear([0.3, 0.4, 0.5, 1.0]))])
+        .depth(DepthTarget::transient(1.0))
+        .pipelines([pipeline("eye", VERTEX, FRAGMENT)?])
+        .draws([boxes
+            .sets([BindingSet::new([(0, shadow)])])
+            .push(&[eye, light].map(|m| m.to_cols_array()))]);
 
     let mut renderer = Renderer::new(gpu)?;
     let mut frame = renderer.begin()?;

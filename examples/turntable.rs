@@ -5,18 +5,13 @@
 
 use glam::camera::rh::{proj::vulkan::perspective, view::look_at_mat4};
 use glam::{Mat4, Vec3};
-use std::{error::Error, fs::File, sync::Arc};
-use tilewright::compute::Renderer;
-use tilewright::format::{Format, VertexFormat};
-use tilewright::image::{Extent, Image, png};
-use tilewright::pass::{
-    Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Indices, Pass,
-    Pipeline, StepRate, VertexAttribute, VertexBinding,
+use std::{error::Error, fs::File};
+use tilewright::image::png;
+use tilewright::{
+    Binding, BindingSet, BufferRange, ColorTarget, DepthTarget, Draw, Extent, Format, Gpu,
+    GpuOptions, Image, ImageInfo, ImageUse, IndexFormat, Indices, LoadOp, Pass, Picture, Pipeline,
+    Renderer, Sampler, Shader, Stage, Texture, VertexAttribute, VertexBinding, VertexFormat,
 };
-use tilewright::shader::{Shader, Stage};
-use tilewright::target::{ColorTarget, DepthTarget, LoadOp};
-use tilewright::texture::{Sampler, Texture};
-use tilewright::vk::{self, Gpu, GpuOptions, ImageInfo, ImageUse};
 
 const VERTEX: &str = "#version 450
 layout(push_constant) uniform Push { mat4 clip_of_model; };
@@ -35,37 +30,34 @@ layout(location = 0) out vec4 color;
 void main() { color = texture(tiles, uv); }";
 
 /// Draws `frames` frames of `extent` and returns the last one.
-pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Image> {
+pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Picture> {
     // The target lives on the device: frames draw to it, and nothing comes to the host in between.
     let (format, usage) = (Format::Rgba8Srgb, ImageUse::Attachment);
-    let target = vk::Image::new(gpu, &ImageInfo::new("turntable", extent, format, usage))?;
-    let mut pass = Pass::new("turntable", extent);
-    pass.colors = vec![ColorTarget::on_device(&target, LoadOp::Clear([0.02, 0.02, 0.03, 1.0]))];
-    pass.depth = Some(DepthTarget::transient(1.0));
+    let target = Image::new(gpu, &ImageInfo::new("turntable", extent, format, usage))?;
 
     let vertex = Shader::from_glsl(Stage::Vertex, "turntable.vert", VERTEX)?;
     let fragment = Shader::from_glsl(Stage::Fragment, "turntable.frag", FRAGMENT)?;
-    let mut pipeline = Pipeline::new("cube", Arc::new(vertex), Arc::new(fragment));
-    pipeline.vertex_bindings = vec![VertexBinding { stride: 20, rate: StepRate::Vertex }];
-    let attribute =
-        |location, format, offset| VertexAttribute { location, binding: 0, format, offset };
-    pipeline.vertex_attributes =
-        vec![attribute(0, VertexFormat::F32X3, 0), attribute(1, VertexFormat::F32X2, 12)];
-    pass.pipelines = vec![Arc::new(pipeline)];
+    let pipeline = Pipeline::new("cube", vertex, fragment)
+        .vertex_bindings([VertexBinding::per_vertex(20)])
+        .vertex_attributes([
+            VertexAttribute::new(0, 0, VertexFormat::F32X3, 0),
+            VertexAttribute::new(1, 0, VertexFormat::F32X2, 12),
+        ]);
 
     let (vertices, indices) = cube();
-    let buffer = |label: &str, bytes: &[u8]| {
-        BufferRange::whole(&Arc::new(Buffer::new(label, bytes.to_vec())))
-    };
-    let texture = Binding::Sampled(Arc::new(tiles()), Sampler::default());
-    let entries = vec![BindingEntry { binding: 0, resources: vec![texture] }];
-    let mut draw = Draw::new(0, indices.len() as u32);
-    draw.vertex_buffers = vec![buffer("corners", bytemuck::cast_slice(&vertices))];
-    let indices = buffer("indices", bytemuck::cast_slice(&indices));
-    draw.indices = Some(Indices::new(indices, IndexFormat::U16));
-    draw.sets = vec![Arc::new(BindingSet { entries })];
-    draw.push_constants = vec![0; 64];
-    pass.draws = vec![draw];
+    let draw = Draw::new(0, indices.len() as u32)
+        .vertex_buffers([BufferRange::host("corners", bytemuck::cast_slice(&vertices))])
+        .indices(Indices::new(
+            BufferRange::host("indices", bytemuck::cast_slice(&indices)),
+            IndexFormat::U16,
+        ))
+        .sets([BindingSet::new([(0, Binding::sampled(tiles(), Sampler::default()))])])
+        .push(&[0.0f32; 16]);
+    let mut pass = Pass::new("turntable", extent)
+        .colors([ColorTarget::on_device(&target, LoadOp::Clear([0.02, 0.02, 0.03, 1.0]))])
+        .depth(DepthTarget::transient(1.0))
+        .pipelines([pipeline])
+        .draws([draw]);
 
     let aspect = extent.width as f32 / extent.height as f32;
     let projection = perspective(0.7, aspect, 0.1, 10.0);

@@ -1,7 +1,6 @@
 //! A cache on disk for results that are slow to make: compiled shaders and pipelines.
 //!
-//! One file per result in `tilewright` under `XDG_CACHE_HOME`, or `~/.cache`. The folder may be
-//! deleted at any time; `TILEWRIGHT_CACHE=off` uses none. A file is replaced as a whole and carries
+//! One file per result, in the folder that the caller names. The folder may be deleted at any time. A file is replaced as a whole and carries
 //! a checksum, since a run may be killed and a disk may be full. A file that cannot be read or written is
 //! treated as missing: a cache never fails a run.
 //!
@@ -17,8 +16,10 @@ const MAGIC: &[u8; 8] = b"TWCACHE1";
 /// Bytes before the content: magic and checksum.
 const HEADER_BYTES: usize = 16;
 
-/// `tilewright` in the user's cache folder, if there is one and it is wanted.
-pub(crate) fn folder() -> Option<PathBuf> {
+/// `tilewright` in the user's cache folder (`XDG_CACHE_HOME` or `~/.cache`); `None` if there is no such folder, or if the
+/// variable `TILEWRIGHT_CACHE` is `off`. The library keeps no file there unless it is told to: see
+/// [`crate::vk::GpuOptions::cache`] and [`crate::shader::keep_compiled`].
+pub fn cache_folder() -> Option<PathBuf> {
     if std::env::var_os("TILEWRIGHT_CACHE").is_some_and(|v| v == "off") {
         return None;
     }

@@ -40,7 +40,7 @@ impl std::fmt::Display for Extent {
 
 /// A picture: rows from top to bottom, pixels from left to right, no padding.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Image {
+pub struct Picture {
     /// Size in pixels.
     pub extent: Extent,
     /// Layout of one pixel in `bytes`.
@@ -49,7 +49,7 @@ pub struct Image {
     pub bytes: Vec<u8>,
 }
 
-impl Image {
+impl Picture {
     /// An image of zeros.
     pub fn zeroed(extent: Extent, format: Format) -> Self {
         Self { extent, format, bytes: vec![0; extent.pixels() * format.texel_bytes()] }
@@ -94,7 +94,7 @@ impl Image {
     /// # Errors
     /// [`Error::Usage`] unless the format is [`Format::Rgba16Float`]: 8 bits of a product are too few
     /// to find the factor.
-    pub fn unpremultiplied(&self) -> Result<Image> {
+    pub fn unpremultiplied(&self) -> Result<Picture> {
         if self.format != Format::Rgba16Float {
             return Err(Error::Usage(format!(
                 "only half floats are divided by their alpha, and the picture is {:?}",
@@ -105,7 +105,7 @@ impl Image {
             0.0 => [0; 4],
             _ => shown([r / a, g / a, b / a, a]),
         });
-        Ok(Image { extent: self.extent, format: Format::Rgba8Srgb, bytes: divided.collect() })
+        Ok(Picture { extent: self.extent, format: Format::Rgba8Srgb, bytes: divided.collect() })
     }
 
     /// The texels of [`Format::Rgba16Float`].
@@ -208,7 +208,7 @@ mod tests {
 
     #[test]
     fn half_floats_are_shown_as_srgb() {
-        let mut image = Image::zeroed(Extent::new(1, 1), Format::Rgba16Float);
+        let mut image = Picture::zeroed(Extent::new(1, 1), Format::Rgba16Float);
         let halves: [u16; 4] = [0x3c00, 0x3800, 0x7e00, 0x3800]; // 1, 0.5, NaN, 0.5
         image.bytes = halves.iter().flat_map(|half| half.to_ne_bytes()).collect();
         assert_eq!(image.display_rgba8().unwrap().as_ref(), &[255, 188, 0, 128]);
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn colours_are_divided_by_their_alpha_before_they_are_encoded() {
-        let mut image = Image::zeroed(Extent::new(3, 1), Format::Rgba16Float);
+        let mut image = Picture::zeroed(Extent::new(3, 1), Format::Rgba16Float);
         // Half of full light under alpha 0.5; opaque; nothing at all, with a trace of red.
         let halves: [u16; 12] =
             [0x3800, 0x3400, 0, 0x3800, 0x3c00, 0x3800, 0, 0x3c00, 0x0001, 0, 0, 0];

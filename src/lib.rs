@@ -1,6 +1,6 @@
 //! The GPU's graphics pipeline, rebuilt as Vulkan compute kernels.
 //!
-//! A [`Pass`](pass::Pass) is plain data: targets, pipelines made of ordinary Vulkan shader pairs, bindings
+//! A [`Pass`] is plain data: targets, pipelines made of ordinary Vulkan shader pairs, bindings
 //! and draws. Three executors take the same pass:
 //!
 //! * [`compute`]: the product. Every stage from vertex fetch to blending is a compute kernel; users'
@@ -14,23 +14,50 @@
 //! Everything else ([`compare`], `scene`, `bench`, `cli`) uses these types like any other program. The engine
 //! contains no shading of its own: a glTF material is an ordinary pair of shaders too.
 //!
+//! # The names that a program needs
+//!
+//! They are all at the root of the crate. The modules have the rest.
+//!
+//! | names | what they are |
+//! |---|---|
+//! | [`Gpu`], [`GpuOptions`] | a device, opened here or adopted from the caller ([`Gpu::adopt`]) |
+//! | [`Image`], [`ImageInfo`], [`ImageUse`], [`Buffer`], [`Memory`] | what lives on a device |
+//! | [`Shader`], [`Stage`], [`Pipeline`], [`VertexBinding`], [`VertexAttribute`] | how draws are drawn |
+//! | [`Texture`], [`Sampler`], [`BufferRange`], [`Binding`], [`BindingSet`] | what shaders read and write |
+//! | [`Draw`], [`Indices`], [`IndexFormat`], [`Indirect`] | one draw, with counts that the host or the device knows |
+//! | [`Pass`], [`ColorTarget`], [`DepthTarget`], [`LoadOp`], [`StoreOp`] | draws into targets |
+//! | [`Renderer`], [`Frame`] | draws one pass and waits ([`Renderer::render`]) |
+//! | [`Encoder`], [`Submission`], [`Recorded`] | frames of several passes that nobody waits for ([`Renderer::begin`]), also in a command buffer of the caller ([`Renderer::record`]) |
+//! | [`Compiled`], [`Compilation`] | pipelines that are compiled before they are drawn with ([`Renderer::compile`]) |
+//! | [`Kernel`] | a compute shader of yours, between passes |
+//! | [`Picture`], [`Extent`], [`Shape`], [`Format`], [`VertexFormat`] | pixels in host memory, sizes, layouts |
+//! | [`Error`], [`Result`] | what went wrong, in whose words |
+//!
+//! Structs that will grow are made by a constructor and have a method of the same name for each field that may be set.
+//!
+//! The library reads no environment variable and keeps no file unless it is told to: see [`GpuOptions::from_env`],
+//! [`GpuOptions::cache`] and [`shader::keep_compiled`].
+//!
 //! # Code map
 //!
 //! | module | concept |
 //! |---|---|
 //! | [`pass`], [`state`], [`target`], [`texture`], [`mod@format`], [`image`] | the public vocabulary: plain data, and handles of what lives on a device |
 //! | [`shader`] | GLSL to SPIR-V, reflection, splicing a shader into a kernel |
-//! | [`plan`] | a pass cut into batches whose buffers cannot overflow |
-//! | [`grid`] | all size arithmetic: bands, bins, cells, capacities |
-//! | [`abi`] | the structs and constants that host and kernels share; drift is a compile error |
+//! | `plan` | a pass cut into batches whose buffers cannot overflow |
+//! | `grid` | all size arithmetic: bands, bins, cells, capacities |
+//! | `abi` | the structs and constants that host and kernels share; drift is a compile error |
 //! | [`compute`] | the stages in order, one file each; their kernels are in `glsl/` under the same names |
-//! | [`mod@reference`], [`trace`] | the CPU's own plan and the stages' twins; every intermediate of a frame, to be compared |
+//! | [`mod@reference`], `trace` | the CPU's own plan and the stages' twins; every intermediate of a frame, to be compared |
 //! | [`classic`] | the same pass through the device's graphics pipeline |
 //! | [`vk`] | devices, memory, kernels, and the only thing that dispatches |
 //! | [`compare`] | whether two executors drew the same picture |
 //! | `scene` | glTF, OBJ and built-in scenes as passes (feature `scene`) |
 //! | `bench` | which of two executors draws a pass faster (feature `scene`) |
 //! | `cli` | the `tilewright` tool (feature `cli`) |
+//!
+//! The modules `abi`, `cli`, `grid`, `plan` and `trace` are open to the project's own tests and tool alone. These pages do
+//! not show them, and any release may change them.
 //!
 //! Dependencies point one way: `cli` to `scene`, `bench` and `compare`, these to the vocabulary, the executors to
 //! the vocabulary and to `vk`. To follow a triangle, start at [`compute`] and read its stages in order.
@@ -56,24 +83,30 @@
 #![warn(missing_docs)]
 
 #[macro_use]
+mod setters;
+#[macro_use]
 mod shared;
 
+#[doc(hidden)]
 pub mod abi;
 #[cfg(feature = "scene")]
 pub mod bench;
 mod cache;
 pub mod classic;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod cli;
 pub mod compare;
 pub mod compute;
 pub mod error;
 pub mod format;
+#[doc(hidden)]
 pub mod grid;
 pub mod image;
 mod kept;
 mod load_spirv;
 pub mod pass;
+#[doc(hidden)]
 pub mod plan;
 mod prebuilt;
 #[cfg(feature = "scene")]
@@ -85,7 +118,20 @@ pub mod shader;
 pub mod state;
 pub mod target;
 pub mod texture;
+#[doc(hidden)]
 pub mod trace;
 pub mod vk;
 
+pub use cache::cache_folder;
+pub use compute::{Compilation, Compiled, Encoder, Recorded, Renderer};
 pub use error::{Error, Result};
+pub use format::{Format, VertexFormat};
+pub use image::{Extent, Picture, Shape};
+pub use pass::{
+    Binding, BindingSet, BufferRange, Draw, Frame, IndexFormat, Indices, Indirect, Pass, Pipeline,
+    VertexAttribute, VertexBinding,
+};
+pub use shader::{Shader, Stage};
+pub use target::{ColorTarget, DepthTarget, LoadOp, StoreOp};
+pub use texture::{Sampler, Texture};
+pub use vk::{Buffer, Gpu, GpuOptions, Image, ImageInfo, ImageUse, Kernel, Memory, Submission};

@@ -13,6 +13,7 @@ use crate::{
     state::{Blend, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
+    vk,
 };
 use bytemuck::{Pod, Zeroable};
 use std::{ops::RangeInclusive, sync::Arc};
@@ -20,11 +21,12 @@ use std::{ops::RangeInclusive, sync::Arc};
 mod buffer;
 mod indices;
 mod indirect;
+mod setters;
 mod snapshot;
 mod validate;
 mod written;
 
-pub use buffer::{Buffer, BufferRange};
+pub use buffer::{BufferRange, BufferSource};
 pub use indices::IndexRanges;
 pub(crate) use validate::{Known, check_color_targets};
 
@@ -47,6 +49,18 @@ pub struct VertexBinding {
     pub rate: StepRate,
 }
 
+impl VertexBinding {
+    /// A slot that advances by `stride` bytes once per vertex.
+    pub const fn per_vertex(stride: u32) -> Self {
+        Self { stride, rate: StepRate::Vertex }
+    }
+
+    /// A slot that advances by `stride` bytes once per instance.
+    pub const fn per_instance(stride: u32) -> Self {
+        Self { stride, rate: StepRate::Instance }
+    }
+}
+
 /// One attribute: the memory that a location of the vertex shader reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct VertexAttribute {
@@ -60,8 +74,16 @@ pub struct VertexAttribute {
     pub offset: u32,
 }
 
+impl VertexAttribute {
+    /// What `location` reads from vertex buffer slot `binding`, `offset` bytes from the start of the element.
+    pub const fn new(location: u32, binding: u32, format: VertexFormat, offset: u32) -> Self {
+        Self { location, binding, format, offset }
+    }
+}
+
 /// A shader pair and its fixed-function state.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Pipeline {
     /// For messages and debug labels.
     pub label: String,
@@ -90,11 +112,15 @@ pub struct Pipeline {
 impl Pipeline {
     /// A shader pair with the usual state: triangle lists without vertex buffers, both faces, nearer
     /// fragments win where there is a depth target, no blending.
-    pub fn new(label: &str, vertex: Arc<Shader>, fragment: Arc<Shader>) -> Self {
+    pub fn new(
+        label: &str,
+        vertex: impl Into<Arc<Shader>>,
+        fragment: impl Into<Arc<Shader>>,
+    ) -> Self {
         Self {
             label: label.into(),
-            vertex,
-            fragment,
+            vertex: vertex.into(),
+            fragment: fragment.into(),
             specialization: Vec::new(),
             vertex_bindings: Vec::new(),
             vertex_attributes: Vec::new(),
@@ -114,6 +140,7 @@ impl Pipeline {
 /// Vulkan's `robustBufferAccess` allows, which is zeros on most devices, and its writes vanish. The length of
 /// a run-time array is the number of elements that the range has room for.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum Binding {
     /// A uniform block. A range of a buffer on a device is as long as the block.
     Uniform(BufferRange),
@@ -161,6 +188,7 @@ pub struct BindingSet {
 
 /// Width of an index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum IndexFormat {
     /// 16 bits.
     U16,
@@ -180,6 +208,7 @@ impl IndexFormat {
 
 /// The index buffer of a draw.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Indices {
     /// The indices; the offset is a multiple of the index width.
     pub range: BufferRange,
@@ -202,6 +231,7 @@ impl Indices {
 /// The commands are [`IndirectCommand`]s, or [`IndexedIndirectCommand`]s if the draw has indices. Kernels and shaders may
 /// have written them, also earlier in the same frame.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Indirect {
     /// The commands, the first of them at the beginning of the range; the offset is a multiple of 4.
     pub commands: BufferRange,
@@ -215,6 +245,32 @@ pub struct Indirect {
     /// The most primitives that all instances of all commands have together, up to 2^24. `compute` leaves out what is
     /// beyond, without an error, and spends time and memory on as many batches as these take.
     pub primitives: u32,
+}
+
+impl Indirect {
+    /// All commands of `commands`, which have up to `primitives` primitives.
+    pub fn new(commands: &vk::Buffer<IndirectCommand>, primitives: u32) -> Self {
+        Self::of(commands, primitives)
+    }
+
+    /// As [`Indirect::new`], for a draw with indices.
+    pub fn indexed(commands: &vk::Buffer<IndexedIndirectCommand>, primitives: u32) -> Self {
+        Self::of(commands, primitives)
+    }
+
+    /// The commands from the beginning of `commands` on, each at its `stride` in bytes: one that is set, more by
+    /// [`Indirect::draws()`].
+    pub fn in_range(commands: BufferRange, stride: u32, primitives: u32) -> Self {
+        Self { commands, stride, draws: 1, count: None, primitives }
+    }
+
+    fn of<T: Pod>(commands: &vk::Buffer<T>, primitives: u32) -> Self {
+        let draws = u32::try_from(commands.len()).unwrap_or(u32::MAX);
+        Self {
+            draws,
+            ..Self::in_range(BufferRange::on_device(commands), size_of::<T>() as u32, primitives)
+        }
+    }
 }
 
 /// `VkDrawIndirectCommand`.
@@ -249,6 +305,7 @@ pub struct IndexedIndirectCommand {
 
 /// One draw: `vkCmdDraw` or `vkCmdDrawIndexed` with all it needs bound.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Draw {
     /// Index into [`Pass::pipelines`].
     pub pipeline: usize,
@@ -319,6 +376,7 @@ impl Draw {
 
 /// Everything an executor needs to make a picture.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Pass {
     /// For messages and debug labels.
     pub label: String,
@@ -350,16 +408,17 @@ impl Pass {
 
 /// The targets of a [`Pass`] that are stored, as a device executor returns them.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Frame {
     /// The colour targets, in the order of the pass.
-    pub colors: Vec<crate::image::Image>,
+    pub colors: Vec<crate::image::Picture>,
     /// The depth target, if it is stored.
-    pub depth: Option<crate::image::Image>,
+    pub depth: Option<crate::image::Picture>,
 }
 
 impl Frame {
     /// The first colour target, if there is one.
-    pub fn into_color(self) -> Option<crate::image::Image> {
+    pub fn into_color(self) -> Option<crate::image::Picture> {
         self.colors.into_iter().next()
     }
 }

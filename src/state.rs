@@ -3,6 +3,7 @@
 shared_enum! {
     /// How vertices become primitives.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
     pub enum Topology {
         /// Three vertices each.
         #[default]
@@ -94,6 +95,7 @@ const _: () = {
 
 /// The depth test. Without a depth target it is off whatever this says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub struct DepthState {
     /// Whether fragments are compared with the depth target.
     pub test: bool,
@@ -107,7 +109,18 @@ impl DepthState {
     /// No test, no write.
     pub const OFF: Self = Self { test: false, write: false, compare: Compare::Always };
     /// The usual one: nearer wins, the first of equals stays.
-    pub const LESS: Self = Self { test: true, write: true, compare: Compare::Less };
+    pub const LESS: Self = Self::new(Compare::Less);
+
+    /// A test that writes.
+    pub const fn new(compare: Compare) -> Self {
+        Self { test: true, write: true, compare }
+    }
+
+    setters! {
+        test: bool,
+        write: bool,
+        compare: Compare,
+    }
 }
 
 impl Default for DepthState {
@@ -119,6 +132,7 @@ impl Default for DepthState {
 shared_enum! {
     /// A factor of the blend equation.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
     pub enum BlendFactor {
         /// 0
         Zero = 0,
@@ -146,6 +160,7 @@ shared_enum! {
 shared_enum! {
     /// How weighted source and destination are combined.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
     pub enum BlendOp {
         /// source + destination
         Add = 0,

@@ -10,13 +10,14 @@ use std::sync::Arc;
 
 /// What a target holds when its pass begins.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum LoadOp<T> {
     /// This value in every pixel.
     Clear(T),
     /// What its image holds, which lives on a device.
     Load,
     /// This picture of the host, which has the extent of the pass and the format of the target.
-    Upload(Arc<image::Image>),
+    Picture(Arc<image::Picture>),
 }
 
 impl<T: Copy> LoadOp<T> {
@@ -24,13 +25,14 @@ impl<T: Copy> LoadOp<T> {
     pub fn clear_value(&self) -> Option<T> {
         match self {
             LoadOp::Clear(value) => Some(*value),
-            LoadOp::Load | LoadOp::Upload(_) => None,
+            LoadOp::Load | LoadOp::Picture(_) => None,
         }
     }
 }
 
 /// What is kept of a target when its pass ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum StoreOp {
     /// Everything.
     #[default]
@@ -71,14 +73,10 @@ impl ColorTarget {
         Self { image, level: 0, layer: 0, format, load, store: StoreOp::Store }
     }
 
-    /// The same target, in mip level `level`.
-    pub fn level(self, level: u32) -> Self {
-        Self { level, ..self }
-    }
-
-    /// The same target, in layer `layer`.
-    pub fn layer(self, layer: u32) -> Self {
-        Self { layer, ..self }
+    setters! {
+        level: u32,
+        layer: u32,
+        store: StoreOp,
     }
 
     /// The level and the layer that are drawn to.
@@ -120,14 +118,10 @@ impl DepthTarget {
         Self { image: Some(image.clone()), level: 0, layer: 0, load, store: StoreOp::Store }
     }
 
-    /// As [`ColorTarget::level()`].
-    pub fn level(self, level: u32) -> Self {
-        Self { level, ..self }
-    }
-
-    /// As [`ColorTarget::layer()`].
-    pub fn layer(self, layer: u32) -> Self {
-        Self { layer, ..self }
+    setters! {
+        level: u32,
+        layer: u32,
+        store: StoreOp,
     }
 
     /// The level and the layer that are drawn to.
@@ -163,7 +157,7 @@ impl<T: Clone> LoadOp<T> {
         match (self, image) {
             (LoadOp::Load, Some(image)) => {
                 let picture = image.download_layer(at.level, at.layer)?;
-                Ok(LoadOp::Upload(Arc::new(picture)))
+                Ok(LoadOp::Picture(Arc::new(picture)))
             }
             (load, _) => Ok(load.clone()),
         }
@@ -192,11 +186,11 @@ impl DepthTarget {
             LoadOp::Clear(depth) if !inside(depth) => {
                 return Err(format!("depth is cleared to {depth}, outside 0..=1"));
             }
-            LoadOp::Clear(_) | LoadOp::Load | LoadOp::Upload(_) => {}
+            LoadOp::Clear(_) | LoadOp::Load | LoadOp::Picture(_) => {}
         }
         let place = (self.image.as_ref(), self.subresource());
         check(place, &self.load, Format::D32Float, extent)?;
-        if let LoadOp::Upload(picture) = &self.load
+        if let LoadOp::Picture(picture) = &self.load
             && let Some(depth) = picture.depths().iter().find(|depth| !inside(depth))
         {
             return Err(format!("a depth of {depth} is uploaded, outside 0..=1"));
@@ -237,7 +231,7 @@ fn check<T>(
             Err("a target without an image has nothing to load: clear it, or upload a picture"
                 .into())
         }
-        LoadOp::Upload(picture) => {
+        LoadOp::Picture(picture) => {
             let (has, of, bytes) = (picture.extent, picture.format, picture.bytes.len());
             if (has, of) != (extent, format) {
                 return Err(format!(

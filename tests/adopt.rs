@@ -6,14 +6,14 @@ use crate::common::{
     vulkan::{Opened, Program},
 };
 use ash::vk;
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 use tilewright::{
     Error, compute,
     format::{Format, VertexFormat},
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, BufferRange, Draw, Executor, IndexFormat, Indices, Pass,
-        Pipeline, StepRate, VertexAttribute, VertexBinding,
+        Binding, BindingEntry, BindingSet, BufferRange, Draw, IndexFormat, Indices, Pass, Pipeline,
+        StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
     target::{ColorTarget, DepthTarget, LoadOp},
@@ -83,18 +83,18 @@ fn triangles(corners: BufferRange, indices: BufferRange, shift: f32) -> Pass {
         vec![VertexAttribute { location: 0, binding: 0, format, offset: 0 }];
     pass.pipelines = vec![Arc::new(pipeline)];
     pass.depth = Some(DepthTarget::transient(1.0));
-    pass.draws = vec![Draw {
-        vertex_buffers: vec![corners],
-        indices: Some(Indices::new(indices, IndexFormat::U32)),
-        push_constants: bytemuck::bytes_of(&[shift, 0.0, 0.0, 0.0]).to_vec(),
-        ..Draw::new(0, 9)
-    }];
+    pass.draws = vec![
+        Draw::new(0, 9)
+            .vertex_buffers([corners])
+            .indices(Indices::new(indices, IndexFormat::U32))
+            .push_constants(bytemuck::bytes_of(&[shift, 0.0, 0.0, 0.0]).to_vec()),
+    ];
     pass
 }
 
 fn host_triangles(shift: f32) -> Pass {
     let buffer = |label: &str, bytes: &[u8]| {
-        BufferRange::whole(&Arc::new(tilewright::pass::Buffer::new(label, bytes.to_vec())))
+        BufferRange::whole(&Arc::new(tilewright::pass::BufferSource::new(label, bytes.to_vec())))
     };
     let corners = buffer("corners", bytemuck::cast_slice(&CORNERS));
     triangles(corners, buffer("indices", bytemuck::cast_slice(&TRIANGLES)), shift)
@@ -108,7 +108,7 @@ fn exchange(before: &Image) -> Pass {
     let sampler = Sampler::nearest();
     let resources = vec![Binding::Sampled(Arc::new(Texture::on_device(before)), sampler)];
     let entries = vec![BindingEntry { binding: 0, resources }];
-    pass.draws = vec![Draw { sets: vec![Arc::new(BindingSet { entries })], ..Draw::new(0, 3) }];
+    pass.draws = vec![Draw::new(0, 3).sets([Arc::new(BindingSet { entries })])];
     pass
 }
 
@@ -135,7 +135,7 @@ fn expected(background: [u8; 4], shift: f32) -> [Vec<u8>; 2] {
 fn passes_run_in_the_callers_commands() {
     let program = Program::new();
     for by_address in [true, false] {
-        let options = GpuOptions { by_address, cache: None, ..GpuOptions::default() };
+        let options = GpuOptions::default().by_address(by_address).cache(None);
         let opened = Opened::new(&program, vk::DeviceCreateInfo::default(), &options);
         let gpu = opened.gpu().clone();
         let (size, usage) = (64, gpu.buffer_usage());
@@ -227,6 +227,39 @@ fn check(opened: &Opened<'_>, (commands, fence, recorded, reads, shift): Flying)
     drop(recorded);
 }
 
+/// While the device is at work, a frame is recorded and started that uploads a texture: whoever waited would wait until the
+/// time is up, since the queue goes on only afterwards.
+#[test]
+fn a_frame_that_uploads_waits_for_nobody() {
+    let program = Program::new();
+    let options = GpuOptions::default().timeout(Duration::from_secs(10));
+    let opened = Opened::new(&program, vk::DeviceCreateInfo::default(), &options);
+    let gpu = opened.gpu();
+    let info = ImageInfo::new("shown", EXTENT, Format::Rgba8Unorm, ImageUse::Attachment);
+    let shown = Image::new(gpu, &info).unwrap();
+    let mut pass = exchange(&shown);
+    pass.colors = vec![ColorTarget::on_device(&shown, LoadOp::Clear([0.0; 4]))];
+    let mut renderer = compute::Renderer::new(gpu).unwrap();
+    for color in [[10, 20, 30, 40], [50, 60, 70, 80]] {
+        let texels = vec![color.repeat(4 * 4)];
+        let texture = Texture::new("fresh", Extent::new(4, 4), Format::Rgba8Unorm, texels);
+        let set = BindingSet::new([(0, Binding::sampled(texture, Sampler::nearest()))]);
+        pass.draws[0] = Draw::new(0, 3).sets([set]);
+        // Kernels and tables are made by the first frame.
+        let held = (color[0] != 10).then(|| opened.hold());
+        let mut frame = renderer.begin().unwrap();
+        frame.encode(&pass).unwrap();
+        let submission = frame.submit().unwrap();
+        if let Some(held) = held {
+            assert!(!submission.is_done());
+            opened.let_go(held);
+        }
+        submission.wait().unwrap();
+        let [r, g, b, a] = color;
+        assert!(shown.download(0).unwrap().bytes.chunks(4).all(|texel| texel == [b, r, g, a]));
+    }
+}
+
 /// The chains that a caller may have already: none, features of Vulkan 1.0 in either place, the structures of the
 /// versions, or those that became part of them.
 #[test]
@@ -236,7 +269,7 @@ fn whatever_is_enabled_already_what_is_needed_is_added() {
     let sampling = vk::PhysicalDeviceFeatures::default().independent_blend(true);
     let info = || vk::DeviceCreateInfo::default().enabled_extension_names(&extensions);
     let draws = |info: vk::DeviceCreateInfo<'_>| {
-        let options = GpuOptions { cache: None, ..GpuOptions::default() };
+        let options = GpuOptions::default().cache(None);
         let opened = Opened::new(&program, info, &options);
         let mut renderer = compute::Renderer::new(opened.gpu()).unwrap();
         let frame = renderer.render(&host_triangles(0.0)).unwrap();
@@ -264,7 +297,7 @@ fn whatever_is_enabled_already_what_is_needed_is_added() {
 #[test]
 fn a_device_without_what_is_needed_is_refused_by_name() {
     let program = Program::new();
-    let options = GpuOptions { cache: None, ..GpuOptions::default() };
+    let options = GpuOptions::default().cache(None);
     // SAFETY: the info is valid.
     let opened = unsafe { Opened::with(&program, vk::DeviceCreateInfo::default(), &options) };
     match opened.err() {
@@ -280,7 +313,7 @@ fn a_device_without_what_is_needed_is_refused_by_name() {
 #[test]
 fn buffers_and_images_that_lack_a_usage_are_refused_where_it_matters() {
     let program = Program::new();
-    let options = GpuOptions { cache: None, ..GpuOptions::default() };
+    let options = GpuOptions::default().cache(None);
     let opened = Opened::new(&program, vk::DeviceCreateInfo::default(), &options);
     let gpu = opened.gpu();
     let refused = |result: Result<(), Error>, parts: &[&str]| match result {
@@ -346,7 +379,7 @@ fn buffers_and_images_that_lack_a_usage_are_refused_where_it_matters() {
 #[test]
 fn a_recording_that_fails_can_be_followed_by_another() {
     let program = Program::new();
-    let options = GpuOptions { cache: None, ..GpuOptions::default() };
+    let options = GpuOptions::default().cache(None);
     let opened = Opened::new(&program, vk::DeviceCreateInfo::default(), &options);
     let gpu = opened.gpu();
     let usage = COPIED | vk::ImageUsageFlags::COLOR_ATTACHMENT;

@@ -9,11 +9,11 @@ use tilewright::{
     grid::Capacities,
     image::Extent,
     pass::{
-        Buffer, BufferRange, Draw, Executor, Frame, IndexFormat, Indices, Pass, Pipeline, StepRate,
-        VertexAttribute, VertexBinding,
+        BufferRange, BufferSource, Draw, Executor, Frame, IndexFormat, Indices, Pass, Pipeline,
+        StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
-    state::{Cull, DepthState, FrontFace, Topology},
+    state::DepthState,
     target::{ColorTarget, DepthTarget},
     vk::Gpu,
 };
@@ -54,7 +54,7 @@ void main() { color = vec4(float(number) / 255.0, shade, 1.0); }";
 
 fn buffer<T: bytemuck::Pod>(label: &str, content: &[T]) -> BufferRange {
     let bytes = bytemuck::cast_slice(content).to_vec();
-    BufferRange::whole(&Arc::new(Buffer::new(label, bytes)))
+    BufferRange::whole(&Arc::new(BufferSource::new(label, bytes)))
 }
 
 fn pipeline() -> Pipeline {
@@ -67,31 +67,26 @@ fn pipeline() -> Pipeline {
     let format = |component, count| VertexFormat { component, count };
     let attribute =
         |location, binding, format, offset| VertexAttribute { location, binding, format, offset };
-    Pipeline {
-        label: "cells".into(),
-        vertex: shader(Stage::Vertex, "cells.vert", VERTEX),
-        fragment: shader(Stage::Fragment, "cells.frag", FRAGMENT),
-        specialization: Vec::new(),
-        vertex_bindings: vec![
-            VertexBinding { stride: 12, rate: StepRate::Vertex },
-            VertexBinding { stride: 7, rate: StepRate::Instance },
-            VertexBinding { stride: 0, rate: StepRate::Vertex },
-            VertexBinding { stride: 0, rate: StepRate::Instance },
-        ],
-        vertex_attributes: vec![
-            attribute(0, 0, VertexFormat::F32X2, 4),
-            attribute(1, 1, format(Component::U8, 2), 1),
-            attribute(2, 1, format(Component::U8Norm, 2), 5),
-            attribute(3, 2, VertexFormat::F32X2, 4),
-            attribute(5, 3, format(Component::U32, 1), 8),
-            attribute(7, 2, VertexFormat::F32X2, 12),
-        ],
-        topology: Topology::TriangleList,
-        cull: Cull::None,
-        front_face: FrontFace::CounterClockwise,
-        depth: DepthState::OFF,
-        blend: None,
-    }
+    Pipeline::new(
+        "cells",
+        shader(Stage::Vertex, "cells.vert", VERTEX),
+        shader(Stage::Fragment, "cells.frag", FRAGMENT),
+    )
+    .vertex_bindings([
+        VertexBinding { stride: 12, rate: StepRate::Vertex },
+        VertexBinding { stride: 7, rate: StepRate::Instance },
+        VertexBinding { stride: 0, rate: StepRate::Vertex },
+        VertexBinding { stride: 0, rate: StepRate::Instance },
+    ])
+    .vertex_attributes([
+        attribute(0, 0, VertexFormat::F32X2, 4),
+        attribute(1, 1, format(Component::U8, 2), 1),
+        attribute(2, 1, format(Component::U8Norm, 2), 5),
+        attribute(3, 2, VertexFormat::F32X2, 4),
+        attribute(5, 3, format(Component::U32, 1), 8),
+        attribute(7, 2, VertexFormat::F32X2, 12),
+    ])
+    .depth(DepthState::OFF)
 }
 
 /// Red, green and blue of the cell of an instance.
@@ -125,13 +120,11 @@ fn pass(apart: usize, depth: DepthState) -> Pass {
     draw.base_vertex = 1;
     draw.instances = count;
     draw.first_instance = 3;
-    Pass {
-        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
-        depth: Some(DepthTarget::cleared(1.0)),
-        pipelines: vec![Arc::new(Pipeline { depth, ..pipeline() })],
-        draws: vec![draw],
-        ..Pass::new("cells", Extent::new(COLUMNS * CELL, ROWS * CELL))
-    }
+    Pass::new("cells", Extent::new(COLUMNS * CELL, ROWS * CELL))
+        .colors([ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])])
+        .depth(DepthTarget::cleared(1.0))
+        .pipelines([Arc::new(pipeline().depth(depth))])
+        .draws([draw])
 }
 
 fn check(frame: &Frame, what: &str) {

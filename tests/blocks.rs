@@ -7,8 +7,8 @@ use tilewright::{
     format::{Format, VertexFormat},
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Frame, IndexFormat,
-        Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
+        Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, Executor, Frame,
+        IndexFormat, Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
     state::{DepthState, Rect},
@@ -43,24 +43,24 @@ fn pass(
     bind: fn(BufferRange) -> Binding,
 ) -> Pass {
     let ones: Vec<u8> = [1.0f32; 96].iter().flat_map(|one| one.to_ne_bytes()).collect();
-    let ones = Arc::new(Buffer::new("ones", ones[..256 + bytes].to_vec()));
-    let zeros = Arc::new(Buffer::new("zeros", vec![0; 16]));
+    let ones = Arc::new(BufferSource::new("ones", ones[..256 + bytes].to_vec()));
+    let zeros = Arc::new(BufferSource::new("zeros", vec![0; 16]));
     let range = BufferRange { buffer: ones, offset: 256, bytes };
     let entry = |binding, resource| BindingEntry { binding, resources: vec![resource] };
     let corners = Binding::Uniform(BufferRange::whole(&zeros));
     let set = BindingSet { entries: vec![entry(0, bind(range)), entry(1, corners)] };
     let mut pass = Pass::new("short", Extent::new(8, 8));
     pass.colors[0].format = Format::Rgba8Unorm;
-    pass.pipelines.push(Arc::new(Pipeline {
-        depth: DepthState::OFF,
-        specialization: specialization.to_vec(),
-        ..Pipeline::new(
+    pass.pipelines.push(Arc::new(
+        Pipeline::new(
             "short",
             Arc::new(shader(Stage::Vertex, "short.vert", VERTEX)),
             Arc::new(fragment),
         )
-    }));
-    pass.draws.push(Draw { sets: vec![Arc::new(set)], ..Draw::new(0, 3) });
+        .depth(DepthState::OFF)
+        .specialization(specialization.to_vec()),
+    ));
+    pass.draws.push(Draw::new(0, 3).sets([Arc::new(set)]));
     pass
 }
 
@@ -179,7 +179,7 @@ fn overwritten() -> Pass {
     words[64..68].copy_from_slice(&[0.0f32, 1.0, 0.0, 1.0].map(f32::to_bits));
     words[128..134].copy_from_slice(&[-1.0f32, -1.0, -1.0, 3.0, 3.0, -1.0].map(f32::to_bits));
     let bytes = words.iter().flat_map(|word| word.to_ne_bytes()).collect();
-    let buffer = Arc::new(Buffer::new("everything", bytes));
+    let buffer = Arc::new(BufferSource::new("everything", bytes));
     let range = |offset, bytes| BufferRange { buffer: buffer.clone(), offset, bytes };
     let entry = |binding, resource| BindingEntry { binding, resources: vec![resource] };
     let whole = BufferRange::whole(&buffer);
@@ -187,27 +187,27 @@ fn overwritten() -> Pass {
         vec![entry(0, Binding::Storage(whole)), entry(1, Binding::Uniform(range(256, 16)))];
     let mut pass = Pass::new("overwritten", Extent::new(8, 8));
     pass.colors[0].format = Format::Rgba8Unorm;
-    pass.pipelines.push(Arc::new(Pipeline {
-        depth: DepthState::OFF,
-        vertex_bindings: vec![VertexBinding { stride: 8, rate: StepRate::Vertex }],
-        vertex_attributes: vec![VertexAttribute {
-            location: 0,
-            binding: 0,
-            format: VertexFormat::F32X2,
-            offset: 0,
-        }],
-        ..Pipeline::new(
+    pass.pipelines.push(Arc::new(
+        Pipeline::new(
             "overwritten",
             Arc::new(shader(Stage::Vertex, "overwritten.vert", vertex)),
             Arc::new(shader(Stage::Fragment, "overwritten.frag", fragment)),
         )
-    }));
-    pass.draws.push(Draw {
-        sets: vec![Arc::new(BindingSet { entries })],
-        vertex_buffers: vec![range(512, 24)],
-        indices: Some(Indices::new(range(0, 12), IndexFormat::U32)),
-        ..Draw::new(0, 3)
-    });
+        .depth(DepthState::OFF)
+        .vertex_bindings([VertexBinding { stride: 8, rate: StepRate::Vertex }])
+        .vertex_attributes([VertexAttribute {
+            location: 0,
+            binding: 0,
+            format: VertexFormat::F32X2,
+            offset: 0,
+        }]),
+    ));
+    pass.draws.push(
+        Draw::new(0, 3)
+            .sets([Arc::new(BindingSet { entries })])
+            .vertex_buffers([range(512, 24)])
+            .indices(Indices::new(range(0, 12), IndexFormat::U32)),
+    );
     // The second draw finds the indices of the first.
     pass.draws.push(pass.draws[0].clone());
     pass
@@ -298,8 +298,8 @@ fn later_draws_read_what_earlier_ones_wrote() {
         pass.pipelines.extend(second.pipelines);
         // One set for all draws, the first of which reads what the host wrote.
         let first = pass.draws[0].clone();
-        pass.draws.insert(0, Draw { pipeline: 1, ..first.clone() });
-        pass.draws.push(Draw { pipeline: 1, ..first });
+        pass.draws.insert(0, first.clone().pipeline(1));
+        pass.draws.push(first.pipeline(1));
         let mut renderer = compute::Renderer::new(gpu).unwrap();
         for _ in 0..2 {
             assert_eq!(renderer.render(&pass).unwrap().colors[0].texel(3, 3), [0, 255, 0, 255]);
@@ -324,10 +324,8 @@ fn each_band_finds_what_the_host_gave() {
     pass.pipelines.extend(second.pipelines);
     let all = pass.draws.remove(0);
     // Columns, so that there is little to draw.
-    pass.draws.extend([(1, 0), (0, 8), (1, 16)].map(|(pipeline, x)| Draw {
-        pipeline,
-        scissor: Some(Rect { x, y: 0, width: 8, height: 4096 }),
-        ..all.clone()
+    pass.draws.extend([(1, 0), (0, 8), (1, 16)].map(|(pipeline, x)| {
+        all.clone().pipeline(pipeline).scissor(Rect { x, y: 0, width: 8, height: 4096 })
     }));
     let mut renderer = compute::Renderer::new(&gpu()).unwrap();
     for extent in TWO_BANDS {

@@ -7,7 +7,7 @@ use tilewright::{
     format::{Component, Format, VertexFormat},
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, IndexFormat,
+        Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, Executor, IndexFormat,
         Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
@@ -22,8 +22,8 @@ fn shader(stage: Stage, label: &str, body: &str) -> Arc<Shader> {
     Arc::new(Shader::from_glsl(stage, label, &source).unwrap_or_else(|e| panic!("{e}")))
 }
 
-fn buffer<T: bytemuck::Pod>(label: &str, content: &[T]) -> Arc<Buffer> {
-    Arc::new(Buffer::new(label, bytemuck::cast_slice(content).to_vec()))
+fn buffer<T: bytemuck::Pod>(label: &str, content: &[T]) -> Arc<BufferSource> {
+    Arc::new(BufferSource::new(label, bytemuck::cast_slice(content).to_vec()))
 }
 
 /// Position in xy(z), colour from a location or constants: enough for most cases here.
@@ -36,56 +36,38 @@ layout(location = 0) out vec4 out_color;
 void main() { out_color = color; }";
 
 fn pipeline(vertex: &str, fragment: &str) -> Pipeline {
-    Pipeline {
-        label: "test".into(),
-        vertex: shader(Stage::Vertex, "test.vert", vertex),
-        fragment: shader(Stage::Fragment, "test.frag", fragment),
-        specialization: Vec::new(),
-        vertex_bindings: Vec::new(),
-        vertex_attributes: Vec::new(),
-        topology: Topology::TriangleList,
-        cull: Cull::None,
-        front_face: FrontFace::CounterClockwise,
-        depth: DepthState::OFF,
-        blend: None,
-    }
+    Pipeline::new(
+        "test",
+        shader(Stage::Vertex, "test.vert", vertex),
+        shader(Stage::Fragment, "test.frag", fragment),
+    )
+    .depth(DepthState::OFF)
 }
 
 /// Positions as three floats in binding 0, colours as four bytes in binding 1.
 fn flat_pipeline() -> Pipeline {
     let rate = StepRate::Vertex;
     let unorm = VertexFormat { component: Component::U8Norm, count: 4 };
-    Pipeline {
-        vertex_bindings: vec![
-            VertexBinding { stride: 12, rate },
-            VertexBinding { stride: 4, rate },
-        ],
-        vertex_attributes: vec![
+    pipeline(FLAT_VERT, FLAT_FRAG)
+        .vertex_bindings([VertexBinding { stride: 12, rate }, VertexBinding { stride: 4, rate }])
+        .vertex_attributes([
             VertexAttribute { location: 0, binding: 0, format: VertexFormat::F32X3, offset: 0 },
             VertexAttribute { location: 1, binding: 1, format: unorm, offset: 0 },
-        ],
-        ..pipeline(FLAT_VERT, FLAT_FRAG)
-    }
+        ])
 }
 
 fn pass(extent: Extent, pipelines: Vec<Pipeline>, draws: Vec<Draw>) -> Pass {
-    Pass {
-        label: "test".into(),
-        extent,
-        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0, 0.0, 0.0, 1.0])],
-        depth: None,
-        pipelines: pipelines.into_iter().map(Arc::new).collect(),
-        draws,
-    }
+    Pass::new("test", extent)
+        .colors([ColorTarget::cleared(Format::Rgba8Unorm, [0.0, 0.0, 0.0, 1.0])])
+        .pipelines(pipelines.into_iter().map(Arc::new))
+        .draws(draws)
 }
 
 /// A draw of triangles with one colour per vertex.
 fn flat_draw(positions: &[[f32; 3]], colors: &[[u8; 4]]) -> Draw {
     let ranges = [buffer("positions", positions), buffer("colors", colors)];
-    Draw {
-        vertex_buffers: ranges.iter().map(BufferRange::whole).collect(),
-        ..Draw::new(0, positions.len() as u32)
-    }
+    Draw::new(0, positions.len() as u32)
+        .vertex_buffers(ranges.iter().map(BufferRange::whole).collect::<Vec<_>>())
 }
 
 /// Two triangles over the whole target at depth `z`, all of one colour.
@@ -135,7 +117,7 @@ fn nearer_wins_and_depth_is_read_back() {
         let mut near = full_screen(0.25, GREEN);
         near.scissor = Some(Rect { x: 0, y: 0, width: 4, height: 8 });
         let far = full_screen(0.75, RED);
-        let pipeline = Pipeline { depth: DepthState::LESS, ..flat_pipeline() };
+        let pipeline = flat_pipeline().depth(DepthState::LESS);
         let mut pass = pass(Extent::new(8, 8), vec![pipeline], vec![near, far]);
         pass.depth = Some(DepthTarget::cleared(1.0));
         let frame = render(gpu, &pass);
@@ -157,7 +139,7 @@ fn faces_are_culled_by_their_winding_on_the_screen() {
             (Cull::Front, FrontFace::Clockwise, false),
             (Cull::None, FrontFace::Clockwise, true),
         ] {
-            let pipeline = Pipeline { cull, front_face, ..flat_pipeline() };
+            let pipeline = flat_pipeline().cull(cull).front_face(front_face);
             let frame = render(gpu, &pass(Extent::new(4, 4), vec![pipeline], vec![draw.clone()]));
             let expected = if drawn { RED } else { BLACK };
             assert_eq!(frame.colors[0].texel(2, 2), expected, "{cull:?} {front_face:?}");
@@ -168,7 +150,7 @@ fn faces_are_culled_by_their_winding_on_the_screen() {
 #[test]
 fn alpha_is_blended_in_order() {
     on_each_gpu("alpha is blended in order", |gpu| {
-        let pipeline = Pipeline { blend: Some(Blend::ALPHA), ..flat_pipeline() };
+        let pipeline = flat_pipeline().blend(Blend::ALPHA);
         let draws = vec![full_screen(0.5, [255, 0, 0, 128]), full_screen(0.5, [0, 255, 0, 128])];
         let frame = render(gpu, &pass(Extent::new(2, 2), vec![pipeline], draws));
         // 128/255 of red on black, then 128/255 of green on that.
@@ -200,46 +182,42 @@ void main() { color = vec4(paint, 1); }";
             format,
             offset,
         };
-        let pipeline = Pipeline {
-            topology: Topology::TriangleStrip,
-            vertex_bindings: vec![
+        let pipeline = pipeline(vertex, fragment)
+            .topology(Topology::TriangleStrip)
+            .vertex_bindings([
                 VertexBinding { stride: 8, rate: StepRate::Vertex },
                 VertexBinding { stride: 7, rate: StepRate::Instance },
-            ],
-            vertex_attributes: vec![
+            ])
+            .vertex_attributes([
                 attribute(0, 0, VertexFormat::F32X2, 0),
                 attribute(1, 1, small(Component::U8Norm, 1), 0),
                 attribute(2, 1, small(Component::U8, 3), 4),
-            ],
-            ..pipeline(vertex, fragment)
-        };
+            ]);
         // Column 0 or 1 of the left half, from normalized bytes; the first instance is skipped.
         let instances: [[u8; 7]; 3] = [[9; 7], [0, 9, 9, 9, 1, 0, 0], [255, 9, 9, 9, 0, 0, 1]];
         let corners = [[9.0f32, 9.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
         let indices = [7u16, 0, 1, 2, 3];
-        let draw = Draw {
-            vertex_buffers: vec![
+        let draw = Draw::new(0, 4)
+            .vertex_buffers([
                 BufferRange::whole(&buffer("corners", &corners)),
                 BufferRange::whole(&buffer("instances", &instances)),
-            ],
-            indices: Some(Indices::new(
+            ])
+            .indices(Some(Indices::new(
                 BufferRange::whole(&buffer("indices", &indices)),
                 IndexFormat::U16,
-            )),
-            first: 1,
-            base_vertex: 1,
-            instances: 2,
-            first_instance: 1,
-            viewport: Some(Viewport {
+            )))
+            .first(1)
+            .base_vertex(1)
+            .instances(2)
+            .first_instance(1)
+            .viewport(Viewport {
                 x: 8.0,
                 y: 0.0,
                 width: 16.0,
                 height: 4.0,
                 min_depth: 0.0,
                 max_depth: 1.0,
-            }),
-            ..Draw::new(0, 4)
-        };
+            });
         let frame = render(gpu, &pass(Extent::new(24, 4), vec![pipeline], vec![draw]));
         let row: Vec<_> =
             (0..24).step_by(4).map(|x| frame.colors[0].texel(x, 2).to_vec()).collect();
@@ -275,14 +253,14 @@ void main() {
         quarter[4..8].fill(255);
         let quarter = texture("quarter", vec![quarter]);
         let linear = Sampler::default();
-        let nearest = Sampler { wrap_v: Wrap::MirroredRepeat, ..Sampler::nearest() };
+        let nearest = Sampler::nearest().wrap_v(Wrap::MirroredRepeat);
         let mut words = vec![0.0f32; 64];
         words.extend([0.0, 0.0, 0.0, 2.0]);
         let corners = [[-1.0f32, -1.0, 0.0, 1.0], [3.0, -1.0, 0.0, 1.0], [-1.0, 3.0, 0.0, 1.0]];
         let entry = |binding, resources| BindingEntry { binding, resources };
         let table = buffer("table", &words);
-        let draw = Draw {
-            sets: vec![
+        let draw = Draw::new(0, 3)
+            .sets([
                 Arc::new(BindingSet {
                     entries: vec![
                         entry(5, vec![Binding::Sampler(nearest)]),
@@ -315,14 +293,9 @@ void main() {
                         ),
                     ],
                 }),
-            ],
-            push_constants: bytemuck::cast_slice(&[0.0f32, 0.0, -0.5, 9.0, 0.6]).to_vec(),
-            ..Draw::new(0, 3)
-        };
-        let pipeline = Pipeline {
-            specialization: vec![(5, 0.5f32.to_bits()), (99, 0)],
-            ..pipeline(vertex, fragment)
-        };
+            ])
+            .push_constants(bytemuck::cast_slice(&[0.0f32, 0.0, -0.5, 9.0, 0.6]).to_vec());
+        let pipeline = pipeline(vertex, fragment).specialization([(5, 0.5f32.to_bits()), (99, 0)]);
         let frame = render(gpu, &pass(Extent::new(4, 4), vec![pipeline], vec![draw]));
         let texel = frame.colors[0].texel(2, 1);
         for (value, expected) in texel.iter().zip([255i32, 255, 128, 153]) {
@@ -357,14 +330,14 @@ void main() {
             })
             .into();
         // Draws of one pipeline may bind arrays of different length.
-        let draws = [(0, 1), (1, 2), (2, 3)].map(|(column, bound)| Draw {
-            sets: vec![Arc::new(BindingSet {
-                entries: vec![BindingEntry { binding: 7, resources: images[..bound].to_vec() }],
-            })],
-            push_constants: u32::to_ne_bytes(column).to_vec(),
-            ..Draw::new(0, 4)
+        let draws = [(0, 1), (1, 2), (2, 3)].map(|(column, bound)| {
+            Draw::new(0, 4)
+                .sets([Arc::new(BindingSet {
+                    entries: vec![BindingEntry { binding: 7, resources: images[..bound].to_vec() }],
+                })])
+                .push_constants(u32::to_ne_bytes(column).to_vec())
         });
-        let pipeline = Pipeline { topology: Topology::TriangleStrip, ..pipeline(vertex, fragment) };
+        let pipeline = pipeline(vertex, fragment).topology(Topology::TriangleStrip);
         let frame = render(gpu, &pass(Extent::new(8, 4), vec![pipeline], draws.to_vec()));
         let row = |y| [0, 2, 4, 6].map(|x| frame.colors[0].texel(x, y).to_vec());
         assert_eq!(row(1), [RED, GREEN, BLUE, BLACK]);
@@ -386,7 +359,7 @@ void main() { color = vec4(float(atomicAdd(count, 1u)) / 255.0); }";
             resources: vec![Binding::Storage(BufferRange::whole(&buffer("count", &[7u32])))],
         }];
         let set = Arc::new(BindingSet { entries });
-        let draw = Draw { sets: vec![set], ..Draw::new(0, 3) };
+        let draw = Draw::new(0, 3).sets([set]);
         let pass = pass(Extent::new(1, 1), vec![pipeline(vertex, fragment)], vec![draw]);
         let mut renderer = Renderer::new(gpu).unwrap();
         let mut prepared = renderer.prepare(&pass).unwrap();

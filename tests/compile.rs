@@ -6,7 +6,7 @@ use tilewright::{
     Error, compute,
     format::Format,
     image::Extent,
-    pass::{Draw, Executor, Pass, Pipeline},
+    pass::{Draw, Pass, Pipeline},
     shader::{Shader, Stage},
     state::{Blend, Compare, DepthState},
     target::{ColorTarget, DepthTarget},
@@ -54,11 +54,8 @@ fn pass(pipeline: Pipeline, color: Option<Format>, depth: bool) -> Pass {
 #[test]
 fn a_pass_finds_its_pipeline_compiled() {
     on_each_gpu("a pass finds its pipeline compiled", |gpu| {
-        let blended = |pipeline| Pipeline { blend: Some(Blend::ALPHA), ..pipeline };
-        let equal = |pipeline| Pipeline {
-            depth: DepthState { compare: Compare::Equal, ..DepthState::default() },
-            ..pipeline
-        };
+        let blended = |pipeline: Pipeline| pipeline.blend(Blend::ALPHA);
+        let equal = |pipeline: Pipeline| pipeline.depth(DepthState::new(Compare::Equal));
         let formats = [None, Some(Format::Rgba16Float)];
         let kinds: [fn(Pipeline) -> Pipeline; 3] = [|pipeline| pipeline, blended, equal];
         let mut factor = 0;

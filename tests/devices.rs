@@ -34,7 +34,7 @@ impl Handles {
     fn new() -> Self {
         let gpu = gpu();
         let spirv = kernel_spirv(COPY);
-        let info = KernelInfo { name: "copy", spirv: &spirv, ..KernelInfo::default() };
+        let info = KernelInfo::new("copy", &spirv);
         let image = |name, usage| {
             let (extent, format) = (Extent::new(1, 1), Format::Rgba8Unorm);
             Image::new(&gpu, &ImageInfo::new(name, extent, format, usage)).unwrap()
@@ -124,7 +124,7 @@ fn a_table_takes_handles_of_its_own_device_alone() {
 fn clones_of_a_device_are_one_device() {
     let mut one = Handles::new();
     let clone: Gpu = (*one.gpu).clone();
-    let buffer = Buffer::upload(&clone, "words", &[7u32; 4]).unwrap();
+    let buffer = Buffer::with_content(&clone, "words", &[7u32; 4]).unwrap();
     one.table.insert_buffer(&buffer).unwrap();
     let mut recorder = Recorder::new(&clone, "clone").unwrap();
     let dispatch = recorder.kernel(&one.kernel).bind("Cells", &one.cells);

@@ -11,8 +11,8 @@ use tilewright::{
     grid::Capacities,
     image::Extent,
     pass::{
-        BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, IndexFormat, IndexRanges,
-        Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
+        BindingEntry, BindingSet, BufferRange, BufferSource, Draw, Executor, IndexFormat,
+        IndexRanges, Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     plan::{Plan, Slots},
     shader::{Shader, Stage},
@@ -28,7 +28,7 @@ const INSTANCES: u32 = 2000;
 struct NoSlots;
 
 impl Slots for NoSlots {
-    fn buffer(&mut self, _: &Arc<Buffer>) -> tilewright::Result<u32> {
+    fn buffer(&mut self, _: &Arc<BufferSource>) -> tilewright::Result<u32> {
         Ok(0)
     }
     fn bindings(
@@ -91,7 +91,7 @@ fn modest(random: &mut Random) -> u32 {
     if random.below(4) == 0 { extreme(random) } else { random.below(10) as u32 }
 }
 
-fn range(random: &mut Random, buffer: &Arc<Buffer>) -> BufferRange {
+fn range(random: &mut Random, buffer: &Arc<BufferSource>) -> BufferRange {
     let whole = BufferRange::whole(buffer);
     match random.below(40) {
         0 => BufferRange { offset: usize::MAX - random.below(9), ..whole },
@@ -116,28 +116,26 @@ fn pass(seed: u64, shaders: &[Arc<Shader>; 2]) -> Pass {
         |location, format, offset| VertexAttribute { location, binding: location, format, offset };
     let word = VertexFormat { component: Component::U32, count: 1 };
     let offset = if random.below(20) == 0 { extreme(random) } else { 4 * random.below(3) as u32 };
-    let pipeline = Pipeline {
-        vertex_bindings: vec![
+    let pipeline = Pipeline::new("extreme", shaders[0].clone(), shaders[1].clone())
+        .vertex_bindings([
             VertexBinding { stride: stride(random, 16), rate: rate[random.below(2)] },
             VertexBinding { stride: stride(random, 4), rate: rate[random.below(2)] },
-        ],
-        vertex_attributes: vec![attribute(0, VertexFormat::F32X4, 0), attribute(1, word, offset)],
-        topology: [Topology::TriangleList, Topology::TriangleStrip, Topology::TriangleFan]
-            [random.below(3)],
-        depth: DepthState::OFF,
-        ..Pipeline::new("extreme", shaders[0].clone(), shaders[1].clone())
-    };
-    let buffer = |label: &str, bytes: Vec<u8>| Arc::new(Buffer::new(label, bytes));
+        ])
+        .vertex_attributes([attribute(0, VertexFormat::F32X4, 0), attribute(1, word, offset)])
+        .topology(
+            [Topology::TriangleList, Topology::TriangleStrip, Topology::TriangleFan]
+                [random.below(3)],
+        )
+        .depth(DepthState::OFF);
+    let buffer = |label: &str, bytes: Vec<u8>| Arc::new(BufferSource::new(label, bytes));
     let nudges = buffer("nudges", vec![0; 4096]);
     let shades = buffer("shades", (0..4096u32).map(|i| (i * 37) as u8).collect());
-    let mut draw = Draw {
-        vertex_buffers: vec![range(random, &nudges), range(random, &shades)],
-        first: extreme(random),
-        base_vertex: [1, i32::MAX, i32::MIN, -3, 0, 0, 0, 0, 0, 0][random.below(10)],
-        first_instance: [0, 1, u32::MAX - 9, extreme(random)][random.below(4)],
-        instances: modest(random),
-        ..Draw::new(0, modest(random))
-    };
+    let mut draw = Draw::new(0, modest(random))
+        .vertex_buffers([range(random, &nudges), range(random, &shades)])
+        .first(extreme(random))
+        .base_vertex([1, i32::MAX, i32::MIN, -3, 0, 0, 0, 0, 0, 0][random.below(10)])
+        .first_instance([0, 1, u32::MAX - 9, extreme(random)][random.below(4)])
+        .instances(modest(random));
     if random.below(2) == 0 {
         let wide = random.below(2) == 0;
         let top = if wide { u32::MAX } else { u16::MAX.into() };

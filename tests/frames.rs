@@ -12,7 +12,7 @@ use tilewright::{
     format::Format,
     grid::Capacities,
     image::Extent,
-    pass::{Binding, BindingEntry, BindingSet, BufferRange, Draw, Executor, Pass, Pipeline},
+    pass::{Binding, BindingEntry, BindingSet, BufferRange, Draw, Pass, Pipeline},
     shader::{Shader, Stage},
     state::Rect,
     target::{ColorTarget, DepthTarget, LoadOp, StoreOp},
@@ -64,7 +64,7 @@ fn fill(image: &Image, shaders: &[Arc<Shader>; 2], color: [f32; 4]) -> Pass {
     let [vertex, fragment] = shaders.clone();
     pass.pipelines = vec![Arc::new(Pipeline::new("fill", vertex, fragment))];
     let push_constants = bytemuck::bytes_of(&color).to_vec();
-    pass.draws = vec![Draw { push_constants, ..Draw::new(0, 3) }];
+    pass.draws = vec![Draw::new(0, 3).push_constants(push_constants)];
     pass
 }
 
@@ -157,12 +157,10 @@ void main() { color = texelFetch(before, ivec2(gl_FragCoord.xy), 0) + shade; }",
 fn a_warm_frame_allocates_nothing() {
     for by_address in [true, false] {
         // Without the validation layer: names of what it reports take memory.
-        let options = GpuOptions {
-            device: Some(device_under_test().index.to_string()),
-            cache: None,
-            by_address,
-            ..GpuOptions::default()
-        };
+        let options = GpuOptions::default()
+            .device(device_under_test().index.to_string())
+            .cache(None)
+            .by_address(by_address);
         let gpu = Gpu::open(&options).unwrap();
         let shaders = shaders();
         let mut renderer = compute::Renderer::new(&gpu).unwrap();
@@ -242,10 +240,10 @@ void main() {
 fn kernels_and_the_hosts_writes_keep_their_order() {
     on_each_gpu("kernels and the host's writes keep their order", |gpu| {
         let spirv = kernel_spirv(COUNT);
-        let info = KernelInfo { name: "count", spirv: &spirv, ..KernelInfo::default() };
+        let info = KernelInfo::new("count", &spirv);
         let count = Kernel::new(gpu, &info).unwrap();
         let cells = Buffer::<u32>::new(gpu, "cells", 2, Memory::Device).unwrap();
-        let input = Buffer::upload(gpu, "input", &[0u32, 0]).unwrap();
+        let input = Buffer::with_content(gpu, "input", &[0u32, 0]).unwrap();
         let results = Buffer::<u32>::new(gpu, "results", 40, Memory::Device).unwrap();
         let step = |n: u32, times: u32| {
             (0..times).fold(n, |n, _| n.wrapping_mul(1_664_525).wrapping_add(1_013_904_223))
@@ -257,7 +255,7 @@ fn kernels_and_the_hosts_writes_keep_their_order() {
             // The frame before may be running and reads `input` at its end.
             input.write(0, &[frame, times]).unwrap();
             let mut encoder = renderer.begin().unwrap();
-            encoder.update(&cells, &[7, 100_000]).unwrap();
+            encoder.upload(&cells, &[7, 100_000]).unwrap();
             encoder.kernel(&count).bind("Cells", &cells).dispatch([1, 1, 1]).unwrap();
             let at = 2 * frame as usize;
             encoder.copy(&cells.slice(0..1).unwrap(), &results.slice(at..at + 1).unwrap()).unwrap();
@@ -301,13 +299,13 @@ void main() { color = shade * factor; }",
         };
         let mut renderer = compute::Renderer::new(gpu).unwrap();
         let mut encoder = renderer.begin().unwrap();
-        let held = encoder.upload(&[[0.0f32, 1.0, 0.0, 1.0]]).unwrap();
+        let held = encoder.transient(&[[0.0f32, 1.0, 0.0, 1.0]]).unwrap();
         encoder.encode(&pass(&held)).unwrap();
         encoder.submit().unwrap();
         for n in 0..10 {
             let mut encoder = renderer.begin().unwrap();
             let value = [n as f32 / 255.0; 4];
-            let of_frame = encoder.upload(&[value]).unwrap();
+            let of_frame = encoder.transient(&[value]).unwrap();
             encoder.encode(&pass(&of_frame)).unwrap();
             encoder.submit().unwrap();
             drop(of_frame);
@@ -365,11 +363,8 @@ fn frames_that_are_dropped_and_passes_that_are_refused_draw_nothing() {
 #[test]
 fn a_frame_goes_on_when_a_table_is_full() {
     let table = TableSizes { buffers: 12, ..TableSizes::default() };
-    let gpu = open_with(GpuOptions {
-        device: Some(device_under_test().index.to_string()),
-        table,
-        ..GpuOptions::default()
-    });
+    let gpu =
+        open_with(GpuOptions::default().device(device_under_test().index.to_string()).table(table));
     let shaders = shaders();
     let mut renderer = compute::Renderer::new(&gpu).unwrap();
     for round in 0..3 {
@@ -416,9 +411,9 @@ void main() { ivec2 p = ivec2(gl_FragCoord.xy); color = vec4(p.x & 255, p.y & 25
 fn recordings_start_without_waiting() {
     on_each_gpu("recordings start without waiting", |gpu| {
         let spirv = kernel_spirv(COUNT);
-        let info = KernelInfo { name: "count", spirv: &spirv, ..KernelInfo::default() };
+        let info = KernelInfo::new("count", &spirv);
         let count = Kernel::new(gpu, &info).unwrap();
-        let cells = Buffer::upload(gpu, "cells", &[1u32, 10_000]).unwrap();
+        let cells = Buffer::with_content(gpu, "cells", &[1u32, 10_000]).unwrap();
         let mut recorder = Recorder::new(gpu, "count").unwrap();
         recorder.kernel(&count).bind("Cells", &cells).dispatch([1, 1, 1]).unwrap();
         let mut recording = recorder.finish().unwrap();

@@ -21,7 +21,7 @@ fn images_begin_with_zeros_and_hold_what_is_uploaded() {
             let info = ImageInfo::new("held", extent, format, ImageUse::Attachment).levels(3);
             let image = Image::new(gpu, &info).unwrap();
             let zeros = image.download(0).unwrap();
-            assert_eq!(zeros, image::Image::zeroed(extent, format));
+            assert_eq!(zeros, image::Picture::zeroed(extent, format));
             let levels: Vec<Vec<u8>> = [15, 2, 1]
                 .map(|texels: usize| {
                     let bytes = texels * format.texel_bytes();

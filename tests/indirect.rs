@@ -11,8 +11,9 @@ use tilewright::{
     grid::Capacities,
     image::Extent,
     pass::{
-        Buffer, BufferRange, Draw, Executor, Frame, IndexFormat, IndexedIndirectCommand, Indices,
-        Indirect, IndirectCommand, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
+        BufferRange, BufferSource, Draw, Executor, Frame, IndexFormat, IndexedIndirectCommand,
+        Indices, Indirect, IndirectCommand, Pass, Pipeline, StepRate, VertexAttribute,
+        VertexBinding,
     },
     reference,
     shader::{Shader, Stage},
@@ -28,7 +29,7 @@ fn device_range<T: bytemuck::Pod>(gpu: &Gpu, name: &str, content: &[T]) -> Buffe
     let mut recorder = Recorder::new(gpu, "upload").unwrap();
     recorder.upload(&buffer, &bytes).unwrap();
     recorder.submit().unwrap();
-    let buffer = Arc::new(Buffer::on_device(&buffer));
+    let buffer = Arc::new(BufferSource::on_device(&buffer));
     BufferRange { buffer, offset: 256, bytes: bytes.len() - 256 }
 }
 
@@ -68,13 +69,15 @@ fn as_commands(gpu: &Gpu, random: &mut Random, pass: &Pass) -> Pass {
             bytes.extend(std::iter::repeat_n(0x77, apart as usize));
         }
         let counted = behind > 0 || random.below(2) == 0;
-        draw.indirect = Some(Indirect {
-            commands: device_range(gpu, "commands", &bytes),
-            stride,
-            draws: commands.len() as u32,
-            count: counted.then(|| device_range(gpu, "count", &[count])),
-            primitives: all + random.below(3) as u32 * 100,
-        });
+        draw.indirect = Some(
+            Indirect::in_range(
+                device_range(gpu, "commands", &bytes),
+                stride,
+                all + random.below(3) as u32 * 100,
+            )
+            .draws(commands.len() as u32)
+            .count(counted.then(|| device_range(gpu, "count", &[count]))),
+        );
         // They are ignored.
         (draw.count, draw.first, draw.instances, draw.base_vertex) = (1, 77, 9, 5);
         draw.first_instance = 3;
@@ -151,8 +154,9 @@ fn mesh(triangles: u32) -> Pass {
         })
         .collect();
     let indices: Vec<u32> = (0..3 * triangles).rev().collect();
-    let range =
-        |name: &str, bytes: &[u8]| BufferRange::whole(&Arc::new(Buffer::new(name, bytes.to_vec())));
+    let range = |name: &str, bytes: &[u8]| {
+        BufferRange::whole(&Arc::new(BufferSource::new(name, bytes.to_vec())))
+    };
     let mut draw = Draw::new(0, 3 * triangles);
     draw.vertex_buffers = vec![range("corners", bytemuck::cast_slice(&corners))];
     let indices = range("indices", bytemuck::cast_slice(&indices));
@@ -185,13 +189,11 @@ fn any_number_of_commands_draws_as_on_the_device() {
                 first_instance: n % 5,
             })
             .collect();
-        pass.draws[0].indirect = Some(Indirect {
-            commands: device_range(&gpu, "commands", &commands),
-            stride: 20,
-            draws: count.max(1),
-            count: Some(device_range(&gpu, "count", &[count])),
-            primitives: triangles,
-        });
+        pass.draws[0].indirect = Some(
+            Indirect::in_range(device_range(&gpu, "commands", &commands), 20, triangles)
+                .draws(count.max(1))
+                .count(device_range(&gpu, "count", &[count])),
+        );
         let (a, b) = (compute.render(&pass).unwrap(), classic.render(&pass).unwrap());
         assert!(a.colors == b.colors, "{count} commands of {of_one} triangles");
         let drawn = a.colors[0].bytes.chunks(4).any(|texel| texel[3] != 0);
@@ -225,7 +227,7 @@ void main() {
     if (column % (2u + frame % 2u) == 0u) commands[atomicAdd(count, 1u)] = Command(6u, 1u, column * 6u, 0u);
 }",
         );
-        let info = KernelInfo { name: "decide", spirv: &spirv, ..KernelInfo::default() };
+        let info = KernelInfo::new("decide", &spirv);
         let decide = Kernel::new(gpu, &info).unwrap();
         let corners = vk::Buffer::<[f32; 2]>::new(gpu, "corners", 192, Memory::Device).unwrap();
         let commands =
@@ -240,13 +242,11 @@ void main() {
         pass.depth = None;
         let mut draw = Draw::new(0, 0);
         draw.vertex_buffers = vec![BufferRange::on_device(&corners)];
-        draw.indirect = Some(Indirect {
-            commands: BufferRange::on_device(&commands),
-            stride: 16,
-            draws: 32,
-            count: Some(BufferRange::on_device(&count)),
-            primitives: 64,
-        });
+        draw.indirect = Some(
+            Indirect::in_range(BufferRange::on_device(&commands), 16, 64)
+                .draws(32)
+                .count(BufferRange::on_device(&count)),
+        );
         pass.draws = vec![draw];
         let mut renderer = compute::Renderer::new(gpu).unwrap();
         for frame in 0..6u32 {
@@ -300,13 +300,11 @@ fn wild_commands_reach_nothing_else() {
             if random.below(2) == 0 {
                 pass.draws[0].indices = None;
             }
-            pass.draws[0].indirect = Some(Indirect {
-                commands: device_range(gpu, "wild", &words),
-                stride: 20,
-                draws: 20,
-                count: Some(device_range(gpu, "count", &[words[seed as usize]])),
-                primitives: 300,
-            });
+            pass.draws[0].indirect = Some(
+                Indirect::in_range(device_range(gpu, "wild", &words), 20, 300)
+                    .draws(20)
+                    .count(device_range(gpu, "count", &[words[seed as usize]])),
+            );
             compute.render(&pass).unwrap();
             assert!(same(&compute.render(&tame).unwrap(), &expected), "after seed {seed}");
         }
@@ -317,13 +315,7 @@ fn wild_commands_reach_nothing_else() {
 fn commands_that_are_not_there_are_refused() {
     let gpu = gpu();
     let commands = device_range(&gpu, "commands", &[0u32; 20]);
-    let good = || Indirect {
-        commands: commands.clone(),
-        stride: 20,
-        draws: 4,
-        count: None,
-        primitives: 10,
-    };
+    let good = || Indirect::in_range(commands.clone(), 20, 10).draws(4);
     let refused = |words: &[&str], spoil: &dyn Fn(&mut Indirect)| {
         let mut pass = mesh(4);
         let mut indirect = good();

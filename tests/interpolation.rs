@@ -12,7 +12,7 @@ use tilewright::{
     format::{Component, Format, VertexFormat},
     image::Extent,
     pass::{
-        Buffer, BufferRange, Draw, Executor, Frame, Pass, Pipeline, StepRate, VertexAttribute,
+        BufferRange, BufferSource, Draw, Frame, Pass, Pipeline, StepRate, VertexAttribute,
         VertexBinding,
     },
     scene::{LoadOptions, PassOptions, Scene},
@@ -142,23 +142,20 @@ fn pass_of(vertices: &[Vertex], vertex: &Arc<Shader>, fragment: &Arc<Shader>) ->
     ];
     let bytes = bytemuck::cast_slice(vertices).to_vec();
     let mut draw = Draw::new(0, vertices.len() as u32);
-    draw.vertex_buffers = vec![BufferRange::whole(&Arc::new(Buffer::new("vertices", bytes)))];
-    Pass {
-        label: "interpolation".into(),
-        extent: Extent::new(96, 64),
-        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
-        depth: Some(DepthTarget::cleared(1.0)),
-        pipelines: vec![Arc::new(pipeline)],
-        draws: vec![draw],
-    }
+    draw.vertex_buffers = vec![BufferRange::whole(&Arc::new(BufferSource::new("vertices", bytes)))];
+    Pass::new("interpolation", Extent::new(96, 64))
+        .colors([ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])])
+        .depth(DepthTarget::cleared(1.0))
+        .pipelines([pipeline])
+        .draws([draw])
 }
 
 /// The same pass in the ways of drawing that run a fragment shader: opaque and in order.
 fn opaque_and_ordered(pass: &Pass) -> [(&'static str, Pass); 2] {
     let replace = BlendEquation { src: BlendFactor::One, dst: BlendFactor::Zero, op: BlendOp::Add };
     let blend = Some(Blend { color: replace, alpha: replace });
-    let pipeline = Arc::new(Pipeline { blend, ..(*pass.pipelines[0]).clone() });
-    [("opaque", pass.clone()), ("ordered", Pass { pipelines: vec![pipeline], ..pass.clone() })]
+    let pipeline = Arc::new((*pass.pipelines[0]).clone().blend(blend));
+    [("opaque", pass.clone()), ("ordered", pass.clone().pipelines([pipeline]))]
 }
 
 /// A triangle of one kind of trouble, whose corners are up to `farther` times as far from the eye as each other.

@@ -8,8 +8,8 @@ use tilewright::{
     format::{Format, VertexFormat},
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Pass, Pipeline,
-        StepRate, VertexAttribute, VertexBinding,
+        Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, Executor, Pass,
+        Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
     state::{Cull, DepthState},
@@ -42,28 +42,22 @@ fn shaders(factor: u32) -> (Shader, Shader) {
 /// A pass in which everything is new but its content.
 fn pass(shaders: &(Shader, Shader), draws: usize) -> Pass {
     let corners: [[f32; 2]; 3] = [[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]];
-    let mesh = Arc::new(Buffer::new("mesh", bytemuck::cast_slice(&corners).to_vec()));
+    let mesh = Arc::new(BufferSource::new("mesh", bytemuck::cast_slice(&corners).to_vec()));
     let levels = vec![vec![255; 4]];
     let white = Texture::new("white", Extent::new(1, 1), Format::Rgba8Unorm, levels);
     let white = Arc::new(white);
     let images = vec![Binding::Sampled(white, Sampler::default()); 4];
     let set =
         Arc::new(BindingSet { entries: vec![BindingEntry { binding: 0, resources: images }] });
-    let pipeline = Pipeline {
-        vertex_bindings: vec![VertexBinding { stride: 8, rate: StepRate::Vertex }],
-        vertex_attributes: vec![VertexAttribute {
+    let pipeline = Pipeline::new("kept", Arc::new(shaders.0.clone()), Arc::new(shaders.1.clone()))
+        .vertex_bindings([VertexBinding { stride: 8, rate: StepRate::Vertex }])
+        .vertex_attributes([VertexAttribute {
             location: 0,
             binding: 0,
             format: VertexFormat::F32X2,
             offset: 0,
-        }],
-        ..Pipeline::new("kept", Arc::new(shaders.0.clone()), Arc::new(shaders.1.clone()))
-    };
-    let draw = Draw {
-        sets: vec![set],
-        vertex_buffers: vec![BufferRange::whole(&mesh)],
-        ..Draw::new(0, 3)
-    };
+        }]);
+    let draw = Draw::new(0, 3).sets([set]).vertex_buffers([BufferRange::whole(&mesh)]);
     let mut pass = Pass::new("kept", Extent::new(4, 4));
     pass.colors[0].format = Format::Rgba8Unorm;
     pass.pipelines = vec![Arc::new(pipeline)];

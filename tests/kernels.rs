@@ -66,15 +66,9 @@ void main() {{
     let spirv = module.assemble();
     let subgroup_size = Some(lanes);
     let name = "probe";
-    let info = KernelInfo {
-        name,
-        spirv: &spirv,
-        full_subgroups: true,
-        subgroup_size,
-        ..KernelInfo::default()
-    };
+    let info = KernelInfo::new(name, &spirv).full_subgroups(true).subgroup_size(subgroup_size);
     let kernel = Kernel::new(gpu, &info).expect("a kernel");
-    let input = Buffer::upload(gpu, "inputs", inputs).expect("memory");
+    let input = Buffer::with_content(gpu, "inputs", inputs).expect("memory");
     let output = Buffer::<O>::new(gpu, "outputs", inputs.len(), Memory::Device).expect("memory");
     let mut recorder = Recorder::new(gpu, "probe").expect("a recorder");
     let groups = [(inputs.len() as u32).div_ceil(lanes), 1, 1];

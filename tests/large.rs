@@ -8,7 +8,7 @@ use tilewright::{
     format::VertexFormat,
     image::Extent,
     pass::{
-        Buffer, BufferRange, Draw, Executor, IndexFormat, Indices, Pass, Pipeline, StepRate,
+        BufferRange, BufferSource, Draw, IndexFormat, Indices, Pass, Pipeline, StepRate,
         VertexAttribute, VertexBinding,
     },
     reference,
@@ -30,25 +30,23 @@ fn pass(label: &str) -> Pass {
     let shader = |stage, name: &str, source| {
         Arc::new(Shader::from_glsl(stage, name, source).expect("a valid shader"))
     };
-    let pipeline = Pipeline {
-        vertex_bindings: vec![VertexBinding { stride: 12, rate: StepRate::Vertex }],
-        vertex_attributes: vec![VertexAttribute {
-            location: 0,
-            binding: 0,
-            format: VertexFormat::F32X3,
-            offset: 0,
-        }],
-        ..Pipeline::new(
-            "large",
-            shader(Stage::Vertex, "large.vert", VERTEX),
-            shader(Stage::Fragment, "large.frag", FRAGMENT),
-        )
-    };
-    Pass { pipelines: vec![Arc::new(pipeline)], ..Pass::new(label, Extent::new(150, 90)) }
+    let pipeline = Pipeline::new(
+        "large",
+        shader(Stage::Vertex, "large.vert", VERTEX),
+        shader(Stage::Fragment, "large.frag", FRAGMENT),
+    )
+    .vertex_bindings([VertexBinding { stride: 12, rate: StepRate::Vertex }])
+    .vertex_attributes([VertexAttribute {
+        location: 0,
+        binding: 0,
+        format: VertexFormat::F32X3,
+        offset: 0,
+    }]);
+    Pass::new(label, Extent::new(150, 90)).pipelines([pipeline])
 }
 
-fn buffer(label: &str, bytes: Vec<u8>) -> Arc<Buffer> {
-    Arc::new(Buffer::new(label, bytes))
+fn buffer(label: &str, bytes: Vec<u8>) -> Arc<BufferSource> {
+    Arc::new(BufferSource::new(label, bytes))
 }
 
 fn push_constants(random: &mut Random) -> Vec<u8> {
@@ -86,7 +84,7 @@ fn a_pass_may_bind_more_than_a_table_holds() {
     let small = |buffers| {
         let table = TableSizes { buffers, ..TableSizes::default() };
         let device = Some(common::device_under_test().index.to_string());
-        open_with(GpuOptions { device, table, ..GpuOptions::default() })
+        open_with(GpuOptions::default().device(device).table(table))
     };
     for buffers in [2, 3, 17, 101] {
         let gpu = small(buffers);
@@ -131,12 +129,12 @@ fn vertices_and_indices_may_be_far_into_a_buffer() {
             assert!(long.len() > WINDOW);
             (buffer(label, long), first as u32)
         };
-        let mut frame = |vertices: (Arc<Buffer>, u32), indices: (Arc<Buffer>, u32)| {
+        let mut frame = |vertices: (Arc<BufferSource>, u32), indices: (Arc<BufferSource>, u32)| {
             let mut random = Random::new(3);
             let mut indexed = Draw::new(0, USED as u32);
             indexed.vertex_buffers = vec![BufferRange::whole(&vertices.0)];
             indexed.push_constants = push_constants(&mut random);
-            let mut plain = Draw { first: vertices.1, ..indexed.clone() };
+            let mut plain = indexed.clone().first(vertices.1);
             plain.push_constants = push_constants(&mut random);
             indexed.indices = Some(Indices::new(BufferRange::whole(&indices.0), IndexFormat::U16));
             indexed.first = indices.1;

@@ -11,8 +11,8 @@ use tilewright::{
     grid::Capacities,
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Frame, IndexFormat,
-        Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
+        Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, Executor, Frame,
+        IndexFormat, Indices, Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     reference,
     shader::{Shader, Stage},
@@ -30,7 +30,7 @@ fn device_buffer<T: bytemuck::Pod>(gpu: &Gpu, name: &str, content: &[T]) -> vk::
 
 /// `pass` with all its vertices and indices on the device; draws share buffers as before.
 fn moved(gpu: &Gpu, pass: &Pass) -> Pass {
-    let mut known: HashMap<*const Buffer, Arc<Buffer>> = HashMap::new();
+    let mut known: HashMap<*const BufferSource, Arc<BufferSource>> = HashMap::new();
     let mut pass = pass.clone();
     for draw in &mut pass.draws {
         let indices = draw.indices.iter_mut().map(|indices| &mut indices.range);
@@ -40,7 +40,7 @@ fn moved(gpu: &Gpu, pass: &Pass) -> Pass {
                 // A slice of a larger buffer: what lies before it is not part of the pass.
                 let all = [&[0x5a; 256][..], bytes].concat();
                 let there = device_buffer(gpu, range.buffer.label(), &all);
-                Arc::new(Buffer::on_device(&there.slice(256..all.len()).unwrap()))
+                Arc::new(BufferSource::on_device(&there.slice(256..all.len()).unwrap()))
             });
             range.buffer = there.clone();
         }
@@ -57,6 +57,7 @@ fn extent(draw: &Draw) -> std::ops::RangeInclusive<u32> {
             bytemuck::pod_collect_to_vec::<u8, u16>(bytes).into_iter().map(u32::from).collect()
         }
         IndexFormat::U32 => bytemuck::pod_collect_to_vec(bytes),
+        other => panic!("{other:?}"),
     };
     let read = &all[draw.first as usize..][..draw.count as usize];
     *read.iter().min().unwrap()..=*read.iter().max().unwrap()
@@ -183,16 +184,16 @@ fn shader(stage: Stage, label: &str, source: &str) -> Arc<Shader> {
 
 fn plain_pipeline(fragment: &str) -> Arc<Pipeline> {
     let vertex = shader(Stage::Vertex, "plain.vert", PLAIN);
-    Arc::new(Pipeline {
-        vertex_bindings: vec![VertexBinding { stride: 8, rate: StepRate::Vertex }],
-        vertex_attributes: vec![VertexAttribute {
-            location: 0,
-            binding: 0,
-            format: VertexFormat::F32X2,
-            offset: 0,
-        }],
-        ..Pipeline::new("plain", vertex, shader(Stage::Fragment, "plain.frag", fragment))
-    })
+    Arc::new(
+        Pipeline::new("plain", vertex, shader(Stage::Fragment, "plain.frag", fragment))
+            .vertex_bindings([VertexBinding { stride: 8, rate: StepRate::Vertex }])
+            .vertex_attributes([VertexAttribute {
+                location: 0,
+                binding: 0,
+                format: VertexFormat::F32X2,
+                offset: 0,
+            }]),
+    )
 }
 
 /// A kernel of the user writes vertices and indices; a pass that was prepared once draws what it finds each time.
@@ -200,18 +201,16 @@ fn plain_pipeline(fragment: &str) -> Arc<Pipeline> {
 fn a_prepared_pass_draws_what_a_kernel_wrote() {
     on_each_gpu("a prepared pass draws what a kernel wrote", |gpu| {
         let spirv = kernel_spirv(QUADS);
-        let kernel =
-            Kernel::new(gpu, &KernelInfo { name: "quads", spirv: &spirv, ..KernelInfo::default() })
-                .unwrap();
+        let kernel = Kernel::new(gpu, &KernelInfo::new("quads", &spirv)).unwrap();
         let vertices = vk::Buffer::<[f32; 2]>::new(gpu, "vertices", 22, Memory::Device).unwrap();
         let indices = vk::Buffer::<u32>::new(gpu, "indices", 6, Memory::Device).unwrap();
         let mut pass = Pass::new("quads", Extent::new(8, 4));
         pass.pipelines.push(plain_pipeline(WHITE));
-        pass.draws.push(Draw {
-            vertex_buffers: vec![BufferRange::on_device(&vertices)],
-            indices: Some(Indices::new(BufferRange::on_device(&indices), IndexFormat::U32)),
-            ..Draw::new(0, 6)
-        });
+        pass.draws.push(
+            Draw::new(0, 6)
+                .vertex_buffers([BufferRange::on_device(&vertices)])
+                .indices(Indices::new(BufferRange::on_device(&indices), IndexFormat::U32)),
+        );
         let mut compute = compute::Renderer::new(gpu).unwrap();
         let mut compute = compute.prepare(&pass).unwrap();
         let mut classic = classic::Renderer::new(gpu).unwrap();
@@ -257,7 +256,7 @@ void main() { color = vec4(float(counts[uint(gl_FragCoord.x)]) / 255.0); }";
 fn what_shaders_write_stays_on_the_device() {
     on_each_gpu("what shaders write stays on the device", |gpu| {
         let corners = [[-1.0f32, -1.0], [1.0, -1.0], [-1.0, 1.0]];
-        let corners = BufferRange::whole(&Arc::new(Buffer::new(
+        let corners = BufferRange::whole(&Arc::new(BufferSource::new(
             "corners",
             bytemuck::cast_slice(&corners).to_vec(),
         )));
@@ -268,11 +267,11 @@ fn what_shaders_write_stays_on_the_device() {
             }];
             let mut pass = Pass::new("counts", Extent::new(16, 16));
             pass.pipelines.push(plain_pipeline(fragment));
-            pass.draws.push(Draw {
-                vertex_buffers: vec![corners.clone()],
-                sets: vec![Arc::new(BindingSet { entries })],
-                ..Draw::new(0, 3)
-            });
+            pass.draws.push(
+                Draw::new(0, 3)
+                    .vertex_buffers([corners.clone()])
+                    .sets([Arc::new(BindingSet { entries })]),
+            );
             pass
         };
         let mut executors: Vec<(&str, Box<dyn Executor>)> =
@@ -307,8 +306,7 @@ fn a_slice_that_is_not_aligned_is_refused() {
     let slice = device_buffer(&gpu, "odd", &[0u8; 64]).slice(5..64).unwrap();
     let mut pass = Pass::new("odd", Extent::new(4, 4));
     pass.pipelines.push(plain_pipeline(WHITE));
-    pass.draws
-        .push(Draw { vertex_buffers: vec![BufferRange::on_device(&slice)], ..Draw::new(0, 3) });
+    pass.draws.push(Draw::new(0, 3).vertex_buffers([BufferRange::on_device(&slice)]));
     let text = pass.validate().unwrap_err().to_string();
     assert!(text.contains("`odd` begins at byte 5"), "{text}");
 }
@@ -320,7 +318,7 @@ fn a_buffer_of_another_device_is_refused() {
     let foreign = BufferRange::on_device(&device_buffer(&other, "foreign", &[0.0f32; 6]));
     let mut pass = Pass::new("mixed", Extent::new(4, 4));
     pass.pipelines.push(plain_pipeline(WHITE));
-    pass.draws.push(Draw { vertex_buffers: vec![foreign], ..Draw::new(0, 3) });
+    pass.draws.push(Draw::new(0, 3).vertex_buffers([foreign]));
     let compute = compute::Renderer::new(&gpu).unwrap().render(&pass);
     let classic = classic::Renderer::new(&gpu).unwrap().render(&pass);
     for refused in [compute, classic] {

@@ -11,7 +11,7 @@ use tilewright::{
     compute,
     format::Format,
     image::{Extent, half_to_f32},
-    pass::{Buffer, BufferRange, Draw, Executor, Pass, Pipeline},
+    pass::{BufferRange, BufferSource, Draw, Executor, Pass, Pipeline},
     scene::{PassOptions, Scene},
     shader::{Shader, Stage},
     state::{Blend, BlendEquation, BlendFactor, BlendOp, Compare, Cull, DepthState, Topology},
@@ -116,17 +116,14 @@ fn overlapping(pipeline: &Pipeline, format: Format, seed: u64) -> Pass {
         .map(|_| [random.signed() * 0.99, random.signed() * 0.99, random.unit(), 1.0])
         .collect();
     let bytes = bytemuck::cast_slice(&positions).to_vec();
-    let buffer = Arc::new(Buffer::new("triangles", bytes));
+    let buffer = Arc::new(BufferSource::new("triangles", bytes));
     let mut draw = Draw::new(0, positions.len() as u32);
     draw.vertex_buffers = vec![BufferRange::whole(&buffer)];
-    Pass {
-        label: "overlapping".into(),
-        extent: Extent::new(150, 100),
-        colors: vec![ColorTarget::cleared(format, [0.25, 0.5, 0.75, 0.5])],
-        depth: Some(DepthTarget::cleared(0.5)),
-        pipelines: vec![Arc::new(pipeline.clone())],
-        draws: vec![draw],
-    }
+    Pass::new("overlapping", Extent::new(150, 100))
+        .colors([ColorTarget::cleared(format, [0.25, 0.5, 0.75, 0.5])])
+        .depth(DepthTarget::cleared(0.5))
+        .pipelines([Arc::new(pipeline.clone())])
+        .draws([draw])
 }
 
 /// The largest difference of a channel between the two executors' colours, in steps of 1/255.
@@ -169,18 +166,13 @@ fn outputs_without_a_target_and_point_sizes_change_nothing() {
             .replace("gl_Position = position;", "gl_Position = position; gl_PointSize = 9.0;");
         let shader =
             |stage, source: &str| Arc::new(Shader::from_glsl(stage, "extra", source).unwrap());
-        let extra = Pipeline {
-            vertex: shader(Stage::Vertex, &sized),
-            fragment: shader(Stage::Fragment, &more),
-            ..plain.clone()
-        };
+        let extra = plain
+            .clone()
+            .vertex(shader(Stage::Vertex, &sized))
+            .fragment(shader(Stage::Fragment, &more));
         let pictures = [plain, extra].map(|pipeline| {
-            let pipeline = Pipeline {
-                topology: Topology::TriangleList,
-                depth: DepthState::LESS,
-                blend: None,
-                ..pipeline
-            };
+            let pipeline =
+                pipeline.topology(Topology::TriangleList).depth(DepthState::LESS).blend(None);
             let pass = overlapping(&pipeline, Format::Rgba8Unorm, 3);
             let mut compute = compute::Renderer::new(gpu).unwrap();
             let mut classic = classic::Renderer::new(gpu).unwrap();
@@ -214,13 +206,12 @@ fn every_blend_equation_in_api_order() {
     for (n, op) in ops.into_iter().cycle().take(20).enumerate() {
         let color = BlendEquation { src: factors[n % 10], dst: factors[(n * 7 + 3) % 10], op };
         let alpha = BlendEquation { src: factors[(n * 3 + 1) % 10], dst: factors[n * 9 % 10], op };
-        let pipeline = Pipeline {
-            topology: Topology::TriangleList,
-            cull: Cull::None,
-            depth: DepthState::OFF,
-            blend: Some(Blend { color, alpha }),
-            ..template.clone()
-        };
+        let pipeline = template
+            .clone()
+            .topology(Topology::TriangleList)
+            .cull(Cull::None)
+            .depth(DepthState::OFF)
+            .blend(Blend { color, alpha });
         for format in [Format::Rgba8Unorm, Format::Rgba16Float] {
             let pass = overlapping(&pipeline, format, n as u64);
             let (steps, allowed) = (largest_step(&gpu, &pass), remains::blended_steps(format));
@@ -248,13 +239,12 @@ fn every_depth_comparison() {
     ];
     for compare in compares {
         for (test, write) in [(true, true), (true, false), (false, true)] {
-            let pipeline = Pipeline {
-                topology: Topology::TriangleList,
-                cull: Cull::None,
-                depth: DepthState { test, write, compare },
-                blend: None,
-                ..template.clone()
-            };
+            let pipeline = template
+                .clone()
+                .topology(Topology::TriangleList)
+                .cull(Cull::None)
+                .depth(DepthState::new(compare).test(test).write(write))
+                .blend(None);
             let pass = overlapping(&pipeline, Format::Rgba8Unorm, 7);
             let steps = largest_step(&gpu, &pass);
             assert!(steps <= remains::STEPS, "{compare:?}, test {test}, write {write}: {steps}");

@@ -6,8 +6,8 @@ use tilewright::{
     format::{Component, Format, VertexFormat},
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Indices, Pass,
-        Pipeline, StepRate, VertexAttribute, VertexBinding,
+        Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, IndexFormat, Indices,
+        Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
     state::{Rect, Viewport},
@@ -20,8 +20,8 @@ fn shader(stage: Stage, label: &str, body: &str) -> Arc<Shader> {
     Arc::new(Shader::from_glsl(stage, label, &source).unwrap_or_else(|e| panic!("{e}")))
 }
 
-fn zeros(label: &str, bytes: usize) -> Arc<Buffer> {
-    Arc::new(Buffer::new(label, vec![0; bytes]))
+fn zeros(label: &str, bytes: usize) -> Arc<BufferSource> {
+    Arc::new(BufferSource::new(label, vec![0; bytes]))
 }
 
 /// A texture that a case spoils.
@@ -71,19 +71,15 @@ void main() { color = texture(images[id & 1u], uv + offset) * factor[3]; }",
         let attribute =
             |location, format, offset| VertexAttribute { location, binding: 0, format, offset };
         let ids = VertexFormat { component: Component::U16, count: 2 };
-        let pipeline = Pipeline {
-            vertex_bindings: vec![VertexBinding { stride: 16, rate: StepRate::Vertex }],
-            vertex_attributes: vec![attribute(0, VertexFormat::F32X3, 0), attribute(3, ids, 12)],
-            ..Pipeline::new("brick", vertex, fragment)
-        };
+        let pipeline = Pipeline::new("brick", vertex, fragment)
+            .vertex_bindings([VertexBinding { stride: 16, rate: StepRate::Vertex }])
+            .vertex_attributes([attribute(0, VertexFormat::F32X3, 0), attribute(3, ids, 12)]);
         let bytes = [0u16, 1, 2, 9].iter().flat_map(|i| i.to_ne_bytes()).collect();
-        let indices = Arc::new(Buffer::new("indices", bytes));
-        let draw = Draw {
-            push_constants: vec![0; 8],
-            vertex_buffers: vec![BufferRange::whole(&zeros("vertices", 48))],
-            indices: Some(Indices::new(BufferRange::whole(&indices), IndexFormat::U16)),
-            ..Draw::new(0, 3)
-        };
+        let indices = Arc::new(BufferSource::new("indices", bytes));
+        let draw = Draw::new(0, 3)
+            .push_constants(vec![0; 8])
+            .vertex_buffers([BufferRange::whole(&zeros("vertices", 48))])
+            .indices(Indices::new(BufferRange::whole(&indices), IndexFormat::U16));
         let entries = vec![BindingEntry {
             binding: 0,
             resources: vec![Binding::Uniform(BufferRange {

@@ -10,7 +10,7 @@ use tilewright::{
     format::Format,
     grid::Capacities,
     image::Extent,
-    pass::{Buffer, BufferRange, Draw, Executor, Pass, Pipeline},
+    pass::{BufferRange, BufferSource, Draw},
     shader::{Shader, Stage},
     state::{Blend, BlendEquation, BlendFactor, BlendOp, Compare, DepthState, Topology},
     target::{ColorTarget, DepthTarget},
@@ -30,25 +30,22 @@ fn coverage(
 ) -> Vec<u8> {
     let mut pass = random_pass(0, shaders);
     let add = BlendEquation { src: BlendFactor::One, dst: BlendFactor::One, op: BlendOp::Add };
-    let pipeline = Pipeline {
-        topology: Default::default(),
-        cull: Default::default(),
-        depth: DepthState::OFF,
-        blend: Some(Blend { color: add, alpha: add }),
-        ..(*pass.pipelines[0]).clone()
-    };
+    let pipeline = (*pass.pipelines[0])
+        .clone()
+        .topology(Default::default())
+        .cull(Default::default())
+        .depth(DepthState::OFF)
+        .blend(Blend { color: add, alpha: add });
     let bytes = bytemuck::cast_slice(positions).to_vec();
-    let buffer = Arc::new(Buffer::new("mesh", bytes));
+    let buffer = Arc::new(BufferSource::new("mesh", bytes));
     let mut draw = Draw::new(0, positions.len() as u32);
     draw.vertex_buffers = vec![BufferRange::whole(&buffer)];
-    pass = Pass {
-        extent,
-        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
-        depth: None,
-        pipelines: vec![Arc::new(pipeline)],
-        draws: vec![draw],
-        ..pass
-    };
+    pass = pass
+        .extent(extent)
+        .colors([ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])])
+        .depth(None)
+        .pipelines([pipeline])
+        .draws([draw]);
     let frame = renderer.render(&pass).expect("it is drawn");
     frame.colors[0].bytes.chunks(4).map(|pixel| pixel[0]).collect()
 }
@@ -199,12 +196,13 @@ fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
         let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
         let base = random_pass(0, &shaders());
         let extent = Extent::new(70, 50);
-        let pipeline = |compare, blend| Pipeline {
-            topology: Topology::TriangleStrip,
-            cull: Default::default(),
-            depth: DepthState { test: true, write: true, compare },
-            blend,
-            ..(*base.pipelines[0]).clone()
+        let pipeline = |compare, blend| {
+            (*base.pipelines[0])
+                .clone()
+                .topology(Topology::TriangleStrip)
+                .cull(Default::default())
+                .depth(DepthState::new(compare))
+                .blend(blend)
         };
         let (opaque, blended) = (0, 1);
         let pipelines = vec![
@@ -225,7 +223,8 @@ fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
             let corners = corners.map(|[x, y]| [x, y, z, 1.0f32]);
             let bytes = bytemuck::cast_slice(&corners).to_vec();
             let mut draw = Draw::new(pipeline, 4);
-            draw.vertex_buffers = vec![BufferRange::whole(&Arc::new(Buffer::new("layer", bytes)))];
+            draw.vertex_buffers =
+                vec![BufferRange::whole(&Arc::new(BufferSource::new("layer", bytes)))];
             draw
         };
         let draws: Vec<Draw> = layers.map(draw).to_vec();
@@ -245,13 +244,12 @@ fn opaque_draws_see_the_depth_of_blended_ones_before_them() {
                 varying_words: 1 << 20,
             });
             for (drawn, expected) in expected.iter().enumerate() {
-                let pass = Pass {
-                    extent,
-                    depth: Some(DepthTarget::cleared(1.0)),
-                    pipelines: pipelines.clone(),
-                    draws: draws[..=drawn].to_vec(),
-                    ..base.clone()
-                };
+                let pass = base
+                    .clone()
+                    .extent(extent)
+                    .depth(DepthTarget::cleared(1.0))
+                    .pipelines(pipelines.clone())
+                    .draws(draws[..=drawn].to_vec());
                 let frame = renderer.render(&pass).expect("it is drawn");
                 let depths = frame.depth.expect("a depth target").depths();
                 for (i, depth) in depths.iter().enumerate() {
@@ -293,13 +291,9 @@ fn bins_are_shaded_by_the_shaders_of_what_they_show() {
             let (compare, clear) = [(Compare::Less, 1.0), (Compare::Greater, 0.0)][random.below(2)];
             let (width, height) = (64 + random.below(60), 64 + random.below(60));
             let pipeline = |fragment: &Arc<Shader>| {
-                Arc::new(Pipeline {
-                    topology: Topology::TriangleStrip,
-                    cull: Default::default(),
-                    depth: DepthState { test: true, write: true, compare },
-                    fragment: fragment.clone(),
-                    ..(*base.pipelines[0]).clone()
-                })
+                let pipeline = (*base.pipelines[0]).clone().fragment(fragment.clone());
+                let pipeline = pipeline.topology(Topology::TriangleStrip);
+                Arc::new(pipeline.depth(DepthState::new(compare)))
             };
             let mut expected = vec![([0; 4], clear); width * height];
             let mut draws = Vec::new();
@@ -326,17 +320,16 @@ fn bins_are_shaded_by_the_shaders_of_what_they_show() {
                 let bytes = bytemuck::cast_slice(&corners).to_vec();
                 let mut draw = Draw::new(kernel, 4);
                 draw.vertex_buffers =
-                    vec![BufferRange::whole(&Arc::new(Buffer::new("layer", bytes)))];
+                    vec![BufferRange::whole(&Arc::new(BufferSource::new("layer", bytes)))];
                 draws.push(draw);
             }
-            let pass = Pass {
-                extent: Extent::new(width as u32, height as u32),
-                colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
-                depth: Some(DepthTarget::cleared(clear)),
-                pipelines: fragments.iter().map(pipeline).collect(),
-                draws,
-                ..base.clone()
-            };
+            let pass = base
+                .clone()
+                .extent(Extent::new(width as u32, height as u32))
+                .colors([ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])])
+                .depth(DepthTarget::cleared(clear))
+                .pipelines(fragments.iter().map(pipeline))
+                .draws(draws);
             for primitives in [2, 7, 1 << 17] {
                 renderer.set_batch_limit(Capacities {
                     primitives,

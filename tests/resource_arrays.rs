@@ -6,9 +6,7 @@ use tilewright::{
     compute,
     format::Format,
     image::Extent,
-    pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, Executor, Pass, Pipeline,
-    },
+    pass::{Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, Pass, Pipeline},
     shader::{Shader, Stage},
     state::{DepthState, Rect},
     target::DepthTarget,
@@ -40,15 +38,14 @@ fn texture(texels: &[[u8; 4]]) -> Arc<Texture> {
 
 fn block(color: [u8; 4]) -> BufferRange {
     let bytes = color.iter().flat_map(|c| (f32::from(*c) / 255.0).to_ne_bytes()).collect();
-    BufferRange::whole(&Arc::new(Buffer::new("color", bytes)))
+    BufferRange::whole(&Arc::new(BufferSource::new("color", bytes)))
 }
 
 fn sampled(color: [u8; 4]) -> Binding {
     Binding::Sampled(texture(&[color]), SAMPLER)
 }
 
-const SAMPLER: Sampler =
-    Sampler { wrap_u: Wrap::Repeat, wrap_v: Wrap::Repeat, ..Sampler::nearest() };
+const SAMPLER: Sampler = Sampler::nearest().wrap_u(Wrap::Repeat).wrap_v(Wrap::Repeat);
 
 /// A sampler that finds this colour at 1.45 of the row: at texel 1.8, 2.2 or 3.
 fn sampler(color: [u8; 4]) -> Binding {
@@ -57,7 +54,7 @@ fn sampler(color: [u8; 4]) -> Binding {
         GREEN => Wrap::MirroredRepeat,
         _ => Wrap::Repeat,
     };
-    Binding::Sampler(Sampler { wrap_u, ..SAMPLER })
+    Binding::Sampler(SAMPLER.wrap_u(wrap_u))
 }
 
 /// Draws with a [`set`] for each of [`INDICES`]: the colours that the elements `list[n]` give.
@@ -83,10 +80,10 @@ fn pass(vertex: &str, fragment: &str) -> Pass {
     let vertex = vertex.replace("CORNER", corner);
     let mut pass = Pass::new("arrays", Extent::new(8, 8));
     pass.colors[0].format = Format::Rgba8Unorm;
-    pass.pipelines.push(Arc::new(Pipeline {
-        depth: DepthState::OFF,
-        ..Pipeline::new("array", shader(Stage::Vertex, &vertex), shader(Stage::Fragment, fragment))
-    }));
+    pass.pipelines.push(Arc::new(
+        Pipeline::new("array", shader(Stage::Vertex, &vertex), shader(Stage::Fragment, fragment))
+            .depth(DepthState::OFF),
+    ));
     pass
 }
 
@@ -107,7 +104,7 @@ fn set(bind: fn([u8; 4]) -> Binding, elements: &[[u8; 4]]) -> Arc<BindingSet> {
 /// A draw over the whole target that selects element `n`.
 fn draw(set: &Arc<BindingSet>, n: i32) -> Draw {
     let push_constants = n.to_ne_bytes().to_vec();
-    Draw { sets: vec![set.clone()], push_constants, ..Draw::new(0, 3) }
+    Draw::new(0, 3).sets([set.clone()]).push_constants(push_constants)
 }
 
 /// The colours that arrays of `length` elements have to show: that of the element, the last one beyond.
@@ -229,8 +226,8 @@ fn each_draw_has_the_length_that_it_binds() {
                 {
                     let column = |x, width| Some(Rect { x, y: 0, width, height: 8 });
                     pass.draws = vec![
-                        Draw { scissor: column(0, 3), ..draw(&left.0, n) },
-                        Draw { scissor: column(3, 5), ..draw(&right.0, n) },
+                        draw(&left.0, n).scissor(column(0, 3)),
+                        draw(&right.0, n).scissor(column(3, 5)),
                     ];
                     let color = renderer.render(&pass).unwrap().into_color().unwrap();
                     let found = [color.texel(2, 3), color.texel(3, 3)];

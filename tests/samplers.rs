@@ -9,7 +9,7 @@ use tilewright::{
     Error,
     format::Format,
     image::{Extent, Shape},
-    pass::{Binding, Executor},
+    pass::Binding,
     state::Compare,
     target::ColorTarget,
     texture::{Sampler, Texture, Wrap},
@@ -46,7 +46,7 @@ fn samplers_compare() {
                 ty => format!("layout(binding = 0) uniform {ty} image;"),
             };
             for compare in [Compare::Less, Compare::GreaterOrEqual, Compare::NotEqual] {
-                let sampler = Sampler { compare: Some(compare), ..Sampler::nearest() };
+                let sampler = Sampler::nearest().compare(Some(compare));
                 let bound = |sampler| match ty {
                     "" => vec![Binding::Texture(texture.clone()), Binding::Sampler(sampler)],
                     _ => vec![Binding::Sampled(texture.clone(), sampler)],
@@ -82,7 +82,7 @@ fn samplers_compare() {
         ] {
             let declared = "layout(binding = 0) uniform sampler2DShadow image;";
             let color = "vec4(textureLod(image, vec3(gl_FragCoord.x / 4, 0.5, 0.5), 0))";
-            let sampler = Sampler { compare: Some(compare), ..Sampler::nearest() };
+            let sampler = Sampler::nearest().compare(Some(compare));
             let mut drawn = pass(declared, color, vec![Binding::Sampled(texture.clone(), sampler)]);
             drawn.extent = Extent::new(4, 1);
             drawn.colors = vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])];
@@ -105,7 +105,7 @@ fn rare_samplers_sample_as_on_the_device() {
             let bound = vec![Binding::Sampled(Arc::new(texture), sampler)];
             pass("layout(binding = 0) uniform sampler2D image;", color, bound)
         };
-        let texels = Sampler { unnormalized: true, ..Sampler::nearest() };
+        let texels = Sampler::nearest().unnormalized(true);
         let drawn = pass_of(texels, 1, "textureLod(image, at.xy * 11 + 3.3, 0)");
         let found = differences(&mut both, &drawn, 0.02);
         assert_eq!(found.0, 0, "texels: {}", found.1);
@@ -126,8 +126,8 @@ fn rare_samplers_sample_as_on_the_device() {
         let fault = tilewright::compute::Renderer::new(gpu).unwrap().render(&apart).map(drop);
         assert!(fault.unwrap_err().to_string().contains("together with its texture"));
         let steep = "texture(image, vec2(at.x * 9, at.y * 0.7))";
-        let long = Sampler { anisotropy: 4.0, ..Sampler::default() };
-        let mirrored = Sampler { wrap_u: Wrap::MirrorClampToEdge, ..Sampler::nearest() };
+        let long = Sampler::default().anisotropy(4.0);
+        let mirrored = Sampler::nearest().wrap_u(Wrap::MirrorClampToEdge);
         let cases = [
             (long, Sampler::default(), "anisotropy"),
             (mirrored, Sampler::nearest(), "mirroring once"),

@@ -103,8 +103,8 @@ impl<'g> Scene<'g> {
         let mut draw = vec![self.covered, self.calls];
         // The stub's mention of the first resource is gone; the list must not be empty all the same.
         draw.extend(self.slots.iter().chain(&[0]));
-        let draw = Buffer::upload(gpu, "draw", &draw).unwrap();
-        let planes = Buffer::upload(gpu, "planes", &self.planes).unwrap();
+        let draw = Buffer::with_content(gpu, "draw", &draw).unwrap();
+        let planes = Buffer::with_content(gpu, "planes", &self.planes).unwrap();
         let colors = Buffer::<u32>::new(gpu, "colors", PIXELS * 32, Memory::Device).unwrap();
         let depths = Buffer::<f32>::new(gpu, "depths", PIXELS, Memory::Device).unwrap();
         let mut recorder = Recorder::new(gpu, "shade").unwrap();
@@ -135,14 +135,10 @@ fn kernel(
     let options = SpliceOptions { derivatives, blocks, specialization };
     let spliced = splice(host, shader, &options).unwrap_or_else(|e| panic!("{e}"));
     let width = gpu.limits().subgroup_size;
-    let info = KernelInfo {
-        name: "spliced",
-        spirv: &spliced.spirv,
-        constant_ids: specialization,
-        full_subgroups: true,
-        subgroup_size: Some(width),
-        ..KernelInfo::default()
-    };
+    let info = KernelInfo::new("spliced", &spliced.spirv)
+        .constant_ids(specialization)
+        .full_subgroups(true)
+        .subgroup_size(Some(width));
     // SAFETY: the splicer's modules are valid; a test asks a validator that knows the extension for derivatives, which
     // that of a distribution may not.
     unsafe { Kernel::new_unchecked(gpu, &info) }.unwrap_or_else(|e| panic!("{e}"))
@@ -167,7 +163,7 @@ fn optimized(shader: &Shader) -> Shader {
 }
 
 fn words(gpu: &Gpu, content: &[u32]) -> Buffer<u32> {
-    Buffer::upload(gpu, "words", content).unwrap()
+    Buffer::with_content(gpu, "words", content).unwrap()
 }
 
 #[test]

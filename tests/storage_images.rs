@@ -52,7 +52,7 @@ fn pass(declarations: &str, body: &str, resources: Vec<Binding>) -> Pass {
     pass.pipelines = vec![Arc::new(pipeline)];
     let entry = |(binding, resource)| BindingEntry { binding, resources: vec![resource] };
     let sets = vec![Arc::new(BindingSet { entries: (0..).zip(resources).map(entry).collect() })];
-    pass.draws = vec![Draw { sets, ..Draw::new(0, 9) }];
+    pass.draws = vec![Draw::new(0, 9).sets(sets)];
     pass
 }
 
@@ -143,7 +143,7 @@ void main() {
 }";
     on_each_gpu("what is written is found by what follows", |gpu| {
         let spirv = kernel_spirv(KERNEL);
-        let info = KernelInfo { name: "halve", spirv: &spirv, ..KernelInfo::default() };
+        let info = KernelInfo::new("halve", &spirv);
         let kernel = Kernel::new(gpu, &info).unwrap();
         let written = image(gpu, Format::Rgba8Unorm, Shape::D2);
         let shown = ImageInfo::new("shown", EXTENT, Format::Rgba8Unorm, ImageUse::Attachment);

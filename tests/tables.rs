@@ -36,8 +36,8 @@ void main() {
 fn lanes_of_a_subgroup_read_different_slots_of_the_table() {
     on_each_gpu("lanes of a subgroup read different slots of the table", |gpu| {
         let lanes = 16usize;
-        let info =
-            KernelInfo { name: "table", spirv: &kernel_spirv(TABLE), ..KernelInfo::default() };
+        let spirv = kernel_spirv(TABLE);
+        let info = KernelInfo::new("table", &spirv);
         let kernel = Kernel::new(gpu, &info).unwrap();
         assert!(kernel.uses_table());
         let mut table = ResourceTable::new(gpu).unwrap();
@@ -52,7 +52,7 @@ fn lanes_of_a_subgroup_read_different_slots_of_the_table() {
             let image = Image::new(gpu, &info).unwrap();
             let levels = [vec![i as u8 * 10; 16], vec![i as u8 * 10 + 5; 4]];
             recorder.upload_image(&image, &levels).unwrap();
-            let buffer = Buffer::upload(gpu, "words", &[0u32, i as u32 * 100]).unwrap();
+            let buffer = Buffer::with_content(gpu, "words", &[0u32, i as u32 * 100]).unwrap();
             slots.push([
                 table.insert_sampled(&image, &sampler).unwrap(),
                 table.insert_texture(&image).unwrap(),
@@ -63,7 +63,7 @@ fn lanes_of_a_subgroup_read_different_slots_of_the_table() {
         recorder.submit().unwrap();
         assert_eq!(table.used(), [16, 16, 1, 0, 16]);
         slots.reverse();
-        let slots = Buffer::upload(gpu, "slots", &slots).unwrap();
+        let slots = Buffer::with_content(gpu, "slots", &slots).unwrap();
         let results = Buffer::<[f32; 4]>::new(gpu, "results", lanes, Memory::Device).unwrap();
         let mut recorder = Recorder::new(gpu, "read").unwrap();
         let dispatch = recorder.kernel(&kernel).bind("S", &slots).bind("R", &results);
@@ -109,7 +109,7 @@ void main() {
         let table = ResourceTable::new(gpu).unwrap();
         for beyond in [40_000, 0x0400_0000, 0x2000_0001, i32::MAX - 20, i32::MIN + 20, -20] {
             let lanes: Vec<_> = (0..16).map(|lane| [(lane & 1) as f32; 4]).collect();
-            let results = Buffer::upload(gpu, "results", &lanes).unwrap();
+            let results = Buffer::with_content(gpu, "results", &lanes).unwrap();
             let mut recorder = Recorder::new(gpu, "read").unwrap();
             let dispatch = recorder.kernel(&kernel).bind("R", &results).table(&table);
             dispatch.push(&beyond).dispatch([1, 1, 1]).unwrap();

@@ -41,13 +41,13 @@ pub fn whole(extent: Extent, color: ColorTarget, fragment: &str) -> Pass {
     let mut pass = Pass::new("whole", extent);
     pass.colors = vec![color];
     pass.pipelines = vec![Arc::new(Pipeline::new("whole", vertex, fragment))];
-    pass.draws = vec![Draw { push_constants: 0.5f32.to_ne_bytes().into(), ..Draw::new(0, 3) }];
+    pass.draws = vec![Draw::new(0, 3).push(&0.5f32)];
     pass
 }
 
 /// The set that binds `textures` from binding 0 on, nearest texel.
 pub fn textures(textures: &[&Image]) -> Arc<BindingSet> {
-    let nearest = Sampler { mip: Some(Filter::Nearest), ..Sampler::nearest() };
+    let nearest = Sampler::nearest().mip(Some(Filter::Nearest));
     let entry = |(binding, image): (usize, &&Image)| {
         let texture = Arc::new(Texture::on_device(image));
         let resources = vec![Binding::Sampled(texture, nearest)];
@@ -122,7 +122,7 @@ fn a_pass_in_two_parts_is_the_whole_pass() {
 
             let depth = Arc::new(first.depth.unwrap());
             let color = Arc::new(first.colors.into_iter().next().unwrap());
-            let pictures = (LoadOp::Upload(color), LoadOp::Upload(depth));
+            let pictures = (LoadOp::Picture(color), LoadOp::Picture(depth));
             let [_, second] = split(&all, at, None, pictures);
             for second in [&second, &snapshot] {
                 assert!(same(&compute.render(second).unwrap(), &expected), "{what}: uploaded");
@@ -154,8 +154,8 @@ fn what_is_loaded_hides_as_on_the_device() {
         let half = all.draws.len() / 2;
         let [first, _] = split(&all, half, None, (LoadOp::Load, LoadOp::Load));
         let first = compute.render(&first).unwrap();
-        let depth = LoadOp::Upload(Arc::new(first.depth.clone().unwrap()));
-        let color = LoadOp::Upload(Arc::new(first.into_color().unwrap()));
+        let depth = LoadOp::Picture(Arc::new(first.depth.clone().unwrap()));
+        let color = LoadOp::Picture(Arc::new(first.into_color().unwrap()));
         let [_, second] = split(&all, half, None, (color, depth));
         let both = compare::Both::draw(&mut compute, &mut classic, &second, |_| {}).unwrap();
         let (found, limits) = (both.difference, parity::remains::limits(&gpu, &both.difference, 0));
@@ -343,7 +343,7 @@ void main() { color = texture(image, vec2(0)); }";
             other => panic!("not refused with {words:?}: {other:?}"),
         }
     };
-    let picture = |format, extent| Arc::new(image::Image::zeroed(extent, format));
+    let picture = |format, extent| Arc::new(image::Picture::zeroed(extent, format));
     refused(&["2 colour targets", "at most 1"], &|p| p.colors.push(p.colors[0].clone()));
     refused(&["nothing to load"], &|p| {
         (p.colors[0].image, p.colors[0].load) = (None, LoadOp::Load);
@@ -363,23 +363,23 @@ void main() { color = texture(image, vec2(0)); }";
         p.colors = vec![ColorTarget::on_device(&depth, LoadOp::Load)];
     });
     refused(&["picture", "8x7"], &|p| {
-        p.colors[0].load = LoadOp::Upload(picture(Format::Rgba8Unorm, Extent::new(8, 7)));
+        p.colors[0].load = LoadOp::Picture(picture(Format::Rgba8Unorm, Extent::new(8, 7)));
     });
     refused(&["picture", "Rgba8Srgb"], &|p| {
-        p.colors[0].load = LoadOp::Upload(picture(Format::Rgba8Srgb, extent));
+        p.colors[0].load = LoadOp::Picture(picture(Format::Rgba8Srgb, extent));
     });
     refused(&["3 bytes", "256"], &|p| {
-        let short = image::Image { extent, format: Format::Rgba8Unorm, bytes: vec![0; 3] };
-        p.colors[0].load = LoadOp::Upload(Arc::new(short));
+        let short = image::Picture { extent, format: Format::Rgba8Unorm, bytes: vec![0; 3] };
+        p.colors[0].load = LoadOp::Picture(Arc::new(short));
     });
     refused(&["depth of 2", "0..=1"], &|p| {
-        let mut far = image::Image::zeroed(extent, Format::D32Float);
+        let mut far = image::Picture::zeroed(extent, Format::D32Float);
         far.bytes[..4].copy_from_slice(&2f32.to_ne_bytes());
-        p.depth.as_mut().unwrap().load = LoadOp::Upload(Arc::new(far));
+        p.depth.as_mut().unwrap().load = LoadOp::Picture(Arc::new(far));
     });
     refused(&["3 bytes", "256"], &|p| {
-        let short = image::Image { extent, format: Format::D32Float, bytes: vec![0; 3] };
-        p.depth.as_mut().unwrap().load = LoadOp::Upload(Arc::new(short));
+        let short = image::Picture { extent, format: Format::D32Float, bytes: vec![0; 3] };
+        p.depth.as_mut().unwrap().load = LoadOp::Picture(Arc::new(short));
     });
     for own in [&color, &depth] {
         refused(&["target of the pass that binds it"], &|p| {

@@ -52,7 +52,7 @@ pub fn pass(declarations: &str, color: &str, resources: Vec<Binding>) -> Pass {
     pass.pipelines = vec![Arc::new(Pipeline::new("textures", vertex, fragment))];
     let entry = |(binding, resource)| BindingEntry { binding, resources: vec![resource] };
     let entries = (0..).zip(resources).map(entry).collect();
-    pass.draws = vec![Draw { sets: vec![Arc::new(BindingSet { entries })], ..Draw::new(0, 3) }];
+    pass.draws = vec![Draw::new(0, 3).sets([Arc::new(BindingSet { entries })])];
     pass
 }
 
@@ -126,22 +126,18 @@ fn each_shape_is_sampled_as_on_the_device() {
     let samplers = [
         Sampler::default(),
         Sampler::nearest(),
-        Sampler { wrap_u: Wrap::MirroredRepeat, mip: Some(Filter::Nearest), ..Sampler::default() },
-        Sampler {
-            wrap_u: Wrap::ClampToBorder,
-            wrap_v: Wrap::ClampToBorder,
-            wrap_w: Wrap::ClampToBorder,
-            border: Border::OpaqueWhite,
-            ..Sampler::default()
-        },
-        Sampler {
-            wrap_u: Wrap::ClampToBorder,
-            wrap_v: Wrap::MirroredRepeat,
-            wrap_w: Wrap::ClampToBorder,
-            border: Border::OpaqueBlack,
-            ..Sampler::nearest()
-        },
-        Sampler { lod_bias: 1.25, min_lod: 0.5, max_lod: 1.75, ..Sampler::default() },
+        Sampler::default().wrap_u(Wrap::MirroredRepeat).mip(Some(Filter::Nearest)),
+        Sampler::default()
+            .wrap_u(Wrap::ClampToBorder)
+            .wrap_v(Wrap::ClampToBorder)
+            .wrap_w(Wrap::ClampToBorder)
+            .border(Border::OpaqueWhite),
+        Sampler::nearest()
+            .wrap_u(Wrap::ClampToBorder)
+            .wrap_v(Wrap::MirroredRepeat)
+            .wrap_w(Wrap::ClampToBorder)
+            .border(Border::OpaqueBlack),
+        Sampler::default().lod_bias(1.25).min_lod(0.5).max_lod(1.75),
     ];
     on_each_gpu("each shape is sampled as on the device", |gpu| {
         let (mut random, mut both) = (Random::new(7), both(gpu));
@@ -365,10 +361,10 @@ fn what_does_not_fit_is_refused_by_name() {
         );
         refused("sampler2DArray", "texture(image, at.xyz)", Shape::D2, 1, plain, &["layers", "D2"]);
         let flat = "texture(image, at.xy)";
-        let compares = Sampler { compare: Some(Compare::Less), ..plain };
+        let compares = plain.compare(Some(Compare::Less));
         let shadow = "vec4(texture(image, at.xyz))";
         refused("sampler2DShadow", shadow, Shape::D2, 1, compares, &["depths", "`odd`", "colours"]);
-        let texels = Sampler { unnormalized: true, ..Sampler::nearest() };
+        let texels = Sampler::nearest().unnormalized(true);
         refused("sampler2D", flat, Shape::D2, 1, texels, &["not normalized", "implicit level"]);
         let given = "textureLod(image, at.xy, 0)";
         refused("sampler2D", given, Shape::D2, 2, texels, &["not normalized", "several levels"]);
@@ -384,17 +380,17 @@ fn what_does_not_fit_is_refused_by_name() {
             let sampler = tilewright::vk::Sampler::new(gpu, &state).unwrap();
             assert!(matches!(table.insert_sampler(&sampler), Err(Error::Usage(_))));
         }
-        let fault = Sampler { mip: Some(Filter::Nearest), ..texels };
+        let fault = texels.mip(Some(Filter::Nearest));
         refused("sampler2D", given, Shape::D2, 1, fault, &["not normalized", "`mip` is `None`"]);
-        let fault = Sampler { min_lod: 2.0, max_lod: 1.0, ..plain };
+        let fault = plain.min_lod(2.0).max_lod(1.0);
         refused("sampler2D", flat, Shape::D2, 1, fault, &["least level of detail is 2"]);
-        let fault = Sampler { lod_bias: f32::NAN, ..plain };
+        let fault = plain.lod_bias(f32::NAN);
         refused("sampler2D", flat, Shape::D2, 1, fault, &["finite"]);
-        let fault = Sampler { lod_bias: 1e9, ..plain };
+        let fault = plain.lod_bias(1e9);
         refused("sampler2D", flat, Shape::D2, 1, fault, &["bias", &gpu.info().name]);
-        let fault = Sampler { anisotropy: 0.5, ..plain };
+        let fault = plain.anisotropy(0.5);
         refused("sampler2D", flat, Shape::D2, 1, fault, &["anisotropy of 0.5"]);
-        let fault = Sampler { anisotropy: 1e9, ..plain };
+        let fault = plain.anisotropy(1e9);
         refused("sampler2D", flat, Shape::D2, 1, fault, &["anisotropy", &gpu.info().name]);
         let image = |shape, extent, format| {
             let info = ImageInfo::new("odd", extent, format, ImageUse::Attachment).shape(shape);

@@ -11,7 +11,7 @@ use tilewright::{
     format::{Format, VertexFormat},
     grid::Capacities,
     image::Extent,
-    pass::{Buffer, BufferRange, Draw, Executor, IndexFormat, Indices, Pass, Pipeline, StepRate},
+    pass::{BufferRange, BufferSource, Draw, IndexFormat, Indices, Pass, Pipeline, StepRate},
     pass::{VertexAttribute, VertexBinding},
     reference,
     scene::{PassOptions, Scene},
@@ -85,25 +85,22 @@ fn pipeline(random: &mut Random, vertex: &Arc<Shader>, fragment: &Arc<Shader>) -
     use Compare::*;
     let compare =
         [Less, LessOrEqual, Greater, GreaterOrEqual, Equal, NotEqual, Always][random.below(7)];
-    Pipeline {
-        label: "twin".into(),
-        vertex: vertex.clone(),
-        fragment: fragment.clone(),
-        specialization: Vec::new(),
-        vertex_bindings: vec![VertexBinding { stride: 16, rate: StepRate::Vertex }],
-        vertex_attributes: vec![VertexAttribute {
+    Pipeline::new("twin", vertex.clone(), fragment.clone())
+        .vertex_bindings([VertexBinding { stride: 16, rate: StepRate::Vertex }])
+        .vertex_attributes([VertexAttribute {
             location: 0,
             binding: 0,
             format: VertexFormat::F32X4,
             offset: 0,
-        }],
-        topology: [Topology::TriangleList, Topology::TriangleStrip, Topology::TriangleFan]
-            [random.below(3)],
-        cull: [Cull::None, Cull::Back, Cull::Front][random.below(3)],
-        front_face: [FrontFace::CounterClockwise, FrontFace::Clockwise][random.below(2)],
-        depth: DepthState { test: random.below(8) > 0, write: random.below(4) > 0, compare },
-        blend: (random.below(4) == 0).then_some(Blend::ALPHA),
-    }
+        }])
+        .topology(
+            [Topology::TriangleList, Topology::TriangleStrip, Topology::TriangleFan]
+                [random.below(3)],
+        )
+        .cull([Cull::None, Cull::Back, Cull::Front][random.below(3)])
+        .front_face([FrontFace::CounterClockwise, FrontFace::Clockwise][random.below(2)])
+        .depth(DepthState::new(compare).test(random.below(8) > 0).write(random.below(4) > 0))
+        .blend((random.below(4) == 0).then_some(Blend::ALPHA))
 }
 
 /// A pass of a few draws in a random target.
@@ -111,19 +108,14 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
     let mut random = Random::new(seed);
     let random = &mut random;
     let extent = Extent::new(1 + random.below(150) as u32, 1 + random.below(150) as u32);
-    let mut pass = Pass {
-        label: format!("seed {seed}"),
-        extent,
-        colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
-        depth: Some(DepthTarget::cleared([0.0, 0.5, 1.0][random.below(3)])),
-        pipelines: Vec::new(),
-        draws: Vec::new(),
-    };
+    let mut pass = Pass::new(&format!("seed {seed}"), extent)
+        .colors([ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])])
+        .depth(DepthTarget::cleared([0.0, 0.5, 1.0][random.below(3)]));
     for _ in 0..1 + random.below(4) {
         let pipeline = pipeline(random, &shaders.0, &shaders.1);
         let triangles = 1 + random.below(40);
         let positions = positions(random, triangles);
-        let buffer = |label: &str, bytes: &[u8]| Arc::new(Buffer::new(label, bytes.to_vec()));
+        let buffer = |label: &str, bytes: &[u8]| Arc::new(BufferSource::new(label, bytes.to_vec()));
         // Elements before the range that is bound, and elements of the range before the first that is drawn.
         let (unbound, skipped) = (random.below(3), random.below(3));
         let other = [[0.9f32, -0.9, 0.1, 1.0], [-0.9, 0.9, 0.2, 1.0]];
@@ -267,7 +259,7 @@ fn a_target_of_several_bands() {
     for seed in 0..3 {
         // The narrower target has its bands further down.
         let extent = [Extent::new(16384, 520), Extent::new(4100, 2080)][seed as usize % 2];
-        let pass = Pass { extent, ..random_pass(seed, &shaders) };
+        let pass = random_pass(seed, &shaders).extent(extent);
         let (_, trace) = renderer.trace(&pass).expect("the pass is drawn");
         let found = reference::first_difference(&pass, &trace);
         assert_eq!(found, None, "seed {seed}");
@@ -304,8 +296,7 @@ fn built_in_scenes_on_the_driver_under_test() {
 #[test]
 fn built_in_scenes_by_descriptor_are_those_by_address() {
     let device = Some(common::device_under_test().index.to_string());
-    let options =
-        |by_address| GpuOptions { device: device.clone(), by_address, ..GpuOptions::default() };
+    let options = |by_address| GpuOptions::default().device(device.clone()).by_address(by_address);
     let gpus = [true, false].map(|by_address| common::open_with(options(by_address)));
     for name in Scene::builtin_names() {
         let scene = Scene::builtin(name).expect("it is built in");

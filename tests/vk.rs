@@ -36,13 +36,8 @@ struct Push {
 }
 
 fn scale(gpu: &Gpu, constants: &[(&str, u32)]) -> Kernel {
-    let info = KernelInfo {
-        name: "scale",
-        spirv: &kernel_spirv(SCALE),
-        constants,
-        constant_ids: &[(7, 64)],
-        ..KernelInfo::default()
-    };
+    let spirv = kernel_spirv(SCALE);
+    let info = KernelInfo::new("scale", &spirv).constants(constants).constant_ids(&[(7, 64)]);
     Kernel::new(gpu, &info).unwrap()
 }
 
@@ -116,7 +111,7 @@ void main() { cells[gl_GlobalInvocationID.x] = cells[gl_GlobalInvocationID.x] * 
 
 fn add(gpu: &Gpu) -> (Kernel, Buffer<u32>) {
     let spirv = kernel_spirv(ADD);
-    let info = KernelInfo { name: "add", spirv: &spirv, ..KernelInfo::default() };
+    let info = KernelInfo::new("add", &spirv);
     let cells = Buffer::new(gpu, "cells", 64, Memory::Device).unwrap();
     (Kernel::new(gpu, &info).unwrap(), cells)
 }
@@ -141,7 +136,7 @@ fn a_dispatch_sees_what_the_one_before_it_wrote() {
 #[test]
 fn a_missing_barrier_is_reported_by_the_validation_layer() {
     let device = Some(gpu().info().index.to_string());
-    let gpu = open_with(GpuOptions { device, by_address: false, ..GpuOptions::default() });
+    let gpu = open_with(GpuOptions::default().device(device).by_address(false));
     let (kernel, cells) = add(&gpu);
     let mut recorder = Recorder::new(&gpu, "dependent commands in a group").unwrap();
     let group = |recorder: &mut Recorder| {
@@ -189,9 +184,9 @@ void main() {
 fn a_run_sees_all_of_what_another_thread_writes_or_nothing_of_it() {
     let gpu = gpu();
     let spirv = kernel_spirv(REPEAT);
-    let info = KernelInfo { name: "repeat", spirv: &spirv, ..KernelInfo::default() };
+    let info = KernelInfo::new("repeat", &spirv);
     let kernel = Kernel::new(&gpu, &info).unwrap();
-    let given = Buffer::upload(&gpu, "given", &[0u32; 1024]).unwrap();
+    let given = Buffer::with_content(&gpu, "given", &[0u32; 1024]).unwrap();
     let seen = Buffer::<u32>::new(&gpu, "seen", 1 << 18, Memory::Readback).unwrap();
     let mut recorder = Recorder::new(&gpu, "repeat").unwrap();
     let dispatch = recorder.kernel(&kernel).bind("Given", &given).bind("Seen", &seen);
@@ -236,10 +231,10 @@ void main() {
 }";
     on_each_gpu("a kernel that indexes beyond its buffers reaches nothing else", |gpu| {
         let spirv = kernel_spirv(source);
-        let info = KernelInfo { name: "far", spirv: &spirv, ..KernelInfo::default() };
+        let info = KernelInfo::new("far", &spirv);
         let kernel = Kernel::new(gpu, &info).unwrap();
         let cells = Buffer::<u32>::new(gpu, "cells", 4, Memory::Device).unwrap();
-        let far = Buffer::upload(gpu, "far", &[1u32 << 26, 0, 0, 0]).unwrap();
+        let far = Buffer::with_content(gpu, "far", &[1u32 << 26, 0, 0, 0]).unwrap();
         let mut recorder = Recorder::new(gpu, "far").unwrap();
         recorder.fill(&cells, 0).unwrap();
         let dispatch = recorder.kernel(&kernel).bind("Cells", &cells).bind("Far", &far);
@@ -256,7 +251,7 @@ layout(buffer_reference) buffer Word { uint word; };
 layout(push_constant) uniform Push { Word at; };
 void main() { at.word = 1u; }",
     );
-    let info = KernelInfo { name: "wild", spirv: &by_address, ..KernelInfo::default() };
+    let info = KernelInfo::new("wild", &by_address);
     let error = Kernel::new(&gpu(), &info).unwrap_err();
     assert!(matches!(error, Error::Usage(_)), "{error}");
     assert!(error.to_string().contains("`wild` reaches memory by address"), "{error}");
@@ -309,20 +304,18 @@ void main() {
 
 #[test]
 fn a_device_that_does_not_answer_is_lost_and_nothing_hangs() {
-    let options = GpuOptions {
-        device: Some(gpu().info().index.to_string()),
-        validation: true,
-        timeout: Duration::from_millis(20),
-        cache: None,
-        ..GpuOptions::default()
-    };
+    let options = GpuOptions::default()
+        .device(gpu().info().index.to_string())
+        .validation(true)
+        .timeout(Duration::from_millis(20))
+        .cache(None);
     let gpu = Gpu::open(&options).unwrap();
     let spirv = kernel_spirv(ENDLESS);
-    let info = KernelInfo { name: "endless", spirv: &spirv, ..KernelInfo::default() };
+    let info = KernelInfo::new("endless", &spirv);
     let kernel = Kernel::new(&gpu, &info).unwrap();
     // About a second of work: long against the time-out, short for the suite.
     let work = [1u32, 20_000_000];
-    let cells = Buffer::upload(&gpu, "cells", &work).unwrap();
+    let cells = Buffer::with_content(&gpu, "cells", &work).unwrap();
     let started = Instant::now();
     let mut recorder = Recorder::new(&gpu, "endless").unwrap();
     recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1]).unwrap();
@@ -343,7 +336,7 @@ fn a_device_that_does_not_answer_is_lost_and_nothing_hangs() {
     // speed is.
     let patient = self::gpu();
     let kernel = Kernel::new(&patient, &info).unwrap();
-    let cells = Buffer::upload(&patient, "cells", &work).unwrap();
+    let cells = Buffer::with_content(&patient, "cells", &work).unwrap();
     let started = Instant::now();
     let mut recorder = Recorder::new(&patient, "endless").unwrap();
     recorder.kernel(&kernel).bind("Cells", &cells).dispatch([1, 1, 1]).unwrap();
@@ -355,12 +348,10 @@ fn a_device_that_does_not_answer_is_lost_and_nothing_hangs() {
 fn compiled_pipelines_are_kept_on_disk_and_a_broken_file_is_ignored() {
     on_each_gpu("compiled pipelines are kept on disk and a broken file is ignored", |gpu| {
         let folder = tempfile::tempdir().unwrap();
-        let options = GpuOptions {
-            device: Some(gpu.info().index.to_string()),
-            validation: true,
-            cache: Some(folder.path().join("new")),
-            ..GpuOptions::default()
-        };
+        let options = GpuOptions::default()
+            .device(gpu.info().index.to_string())
+            .validation(true)
+            .cache(folder.path().join("new"));
         let run = || {
             let gpu = Gpu::open(&options).unwrap();
             add(&gpu);
@@ -380,16 +371,14 @@ fn compiled_pipelines_are_kept_on_disk_and_a_broken_file_is_ignored() {
 
 #[test]
 fn a_full_table_says_what_is_full() {
-    let options = GpuOptions {
-        device: Some(gpu().info().index.to_string()),
-        validation: true,
-        cache: None,
-        table: TableSizes { buffers: 2, ..TableSizes::default() },
-        ..GpuOptions::default()
-    };
+    let options = GpuOptions::default()
+        .device(gpu().info().index.to_string())
+        .validation(true)
+        .cache(None)
+        .table(TableSizes { buffers: 2, ..TableSizes::default() });
     let gpu = Gpu::open(&options).unwrap();
     let mut table = ResourceTable::new(&gpu).unwrap();
-    let [a, b, c] = [1, 2, 3].map(|n| Buffer::upload(&gpu, "words", &[n]).unwrap());
+    let [a, b, c] = [1, 2, 3].map(|n| Buffer::with_content(&gpu, "words", &[n]).unwrap());
     for _ in 0..2 {
         assert_eq!(table.insert_buffer(&a).unwrap(), 0);
         assert_eq!(table.insert_buffer(&b).unwrap(), 1);

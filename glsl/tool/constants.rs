@@ -2,6 +2,9 @@
 //! The names and the numbers are those of `src/`; nothing is listed here twice.
 
 #[macro_use]
+#[path = "../../src/setters.rs"]
+mod setters;
+#[macro_use]
 #[path = "../../src/shared.rs"]
 mod shared;
 #[allow(dead_code)]

@@ -9,8 +9,8 @@ use crate::{
     format::{Format, VertexFormat},
     image::Extent,
     pass::{
-        Binding, BindingEntry, BindingSet, Buffer, BufferRange, Draw, IndexFormat, Indices, Pass,
-        Pipeline, StepRate, VertexAttribute, VertexBinding,
+        Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, IndexFormat, Indices,
+        Pass, Pipeline, StepRate, VertexAttribute, VertexBinding,
     },
     prebuilt::bench as prebuilt,
     random::Random,
@@ -67,7 +67,7 @@ fn shaders(varyings: u32) -> Result<(Arc<Shader>, Arc<Shader>)> {
 pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
     recipe.check().map_err(|reason| Error::Usage(format!("{name}: {reason}")))?;
     let model = model(recipe, extent);
-    let buffer = |label: &str, bytes: &[u8]| Arc::new(Buffer::new(label, bytes.to_vec()));
+    let buffer = |label: &str, bytes: &[u8]| Arc::new(BufferSource::new(label, bytes.to_vec()));
     let meshes: Vec<_> = model
         .meshes
         .iter()
@@ -185,7 +185,7 @@ fn frame_set(model: &Model) -> Arc<BindingSet> {
         light: model.eye.normalize().lerp(Vec3::new(0.5, 0.8, 0.2), 0.5).normalize().extend(0.0),
     };
     let bytes = bytemuck::bytes_of(&frame).to_vec();
-    let buffer = Arc::new(Buffer::new("frame", bytes));
+    let buffer = Arc::new(BufferSource::new("frame", bytes));
     let resources = vec![Binding::Uniform(BufferRange::whole(&buffer))];
     Arc::new(BindingSet { entries: vec![BindingEntry { binding: 0, resources }] })
 }

@@ -15,7 +15,7 @@
 use super::run::{Executors, Frame, Rounds, Settings, rounds};
 use crate::{
     error::Result,
-    pass::{Binding, BindingSet, Buffer, BufferRange, Pass},
+    pass::{Binding, BindingSet, BufferRange, BufferSource, Pass},
     target::StoreOp,
     vk::{Gpu, Image, ImageInfo, ImageUse},
 };
@@ -47,7 +47,7 @@ fn on_images(gpu: &Gpu, pass: &Pass) -> Result<Pass> {
     Ok(pass)
 }
 
-type Buffers = HashMap<*const Buffer, Arc<Buffer>>;
+type Buffers = HashMap<*const BufferSource, Arc<BufferSource>>;
 
 fn renewed_set(set: &BindingSet, buffers: &mut Buffers) -> BindingSet {
     let mut set = set.clone();
@@ -56,7 +56,7 @@ fn renewed_set(set: &BindingSet, buffers: &mut Buffers) -> BindingSet {
         | Binding::Storage(BufferRange { buffer, .. }) = binding
         {
             let known = buffers.entry(Arc::as_ptr(buffer));
-            *buffer = known.or_insert_with(|| Arc::new(Buffer::clone(buffer))).clone();
+            *buffer = known.or_insert_with(|| Arc::new(BufferSource::clone(buffer))).clone();
         }
     }
     set

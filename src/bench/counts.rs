@@ -3,7 +3,7 @@
 use crate::{
     error::Result,
     grid::Capacities,
-    pass::{BindingEntry, BindingSet, Buffer, IndexRanges, Pass},
+    pass::{BindingEntry, BindingSet, BufferSource, IndexRanges, Pass},
     plan::{Plan, Slots},
 };
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub struct Counts {
 struct Nowhere;
 
 impl Slots for Nowhere {
-    fn buffer(&mut self, _: &Arc<Buffer>) -> Result<u32> {
+    fn buffer(&mut self, _: &Arc<BufferSource>) -> Result<u32> {
         Ok(0)
     }
 

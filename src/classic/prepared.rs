@@ -74,12 +74,12 @@ impl Prepared {
     ///
     /// # Errors
     /// As [`Prepared::read`], and [`Error::Usage`] if the pass stores no colour.
-    pub fn read_color(&mut self) -> Result<image::Image> {
+    pub fn read_color(&mut self) -> Result<image::Picture> {
         let color = self.read_first()?;
         color.ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
     }
 
-    fn read_first(&mut self) -> Result<Option<image::Image>> {
+    fn read_first(&mut self) -> Result<Option<image::Picture>> {
         self.check_executed()?;
         Ok(self.targets.color.as_mut().map(Target::read).transpose()?.flatten())
     }

@@ -79,8 +79,8 @@ impl Begin {
         Ok(match load {
             LoadOp::Clear(of) => Begin::Value(value(*of)),
             LoadOp::Load => Begin::Image,
-            LoadOp::Upload(picture) => {
-                Begin::Picture(Buffer::upload(gpu, "picture to begin with", &picture.bytes)?)
+            LoadOp::Picture(picture) => {
+                Begin::Picture(Buffer::with_content(gpu, "picture to begin with", &picture.bytes)?)
             }
         })
     }
@@ -153,7 +153,7 @@ impl Target {
     }
 
     /// The target as it is now, if it is stored.
-    pub fn read(&mut self) -> Result<Option<image::Image>> {
+    pub fn read(&mut self) -> Result<Option<image::Picture>> {
         match (&mut self.copy, self.store) {
             (_, StoreOp::Discard) => Ok(None),
             (None, StoreOp::Store) => {
@@ -162,7 +162,7 @@ impl Target {
             (Some((copy, host)), StoreOp::Store) => {
                 copy.run()?;
                 let (extent, format) = (self.image.extent(), self.image.format());
-                Ok(Some(image::Image { extent, format, bytes: host.read()? }))
+                Ok(Some(image::Picture { extent, format, bytes: host.read()? }))
             }
         }
     }

@@ -22,7 +22,9 @@ pub fn open(args: &DeviceArgs) -> Result<Gpu> {
     };
     let device = args.device.clone().filter(|selector| !selector.is_empty());
     let timeout = args.timeout.0;
-    let gpu = Gpu::open(&GpuOptions { device, require, timeout, ..GpuOptions::default() })?;
+    let mut options = GpuOptions::from_env().require(require).timeout(timeout);
+    options.device = device.or(options.device);
+    let gpu = Gpu::open(&options)?;
     messages::note(format_args!("device: {}", gpu.info()));
     Ok(gpu)
 }

@@ -39,6 +39,7 @@ use std::{io::Write, process::ExitCode};
 /// Runs the tool on the process's arguments.
 pub fn run() -> ExitCode {
     messages::install();
+    crate::shader::keep_compiled(crate::cache_folder());
     // The hook has said what happened; unwinding ends here, so that nothing else is printed.
     std::panic::catch_unwind(|| match Typed::try_parse() {
         Ok(typed) => {

@@ -3,7 +3,7 @@
 use super::plan::SceneName;
 use crate::{
     error::Result,
-    image::{Image, png},
+    image::{Picture, png},
     vk::DeviceInfo,
 };
 
@@ -12,7 +12,7 @@ use crate::{
 ///
 /// # Errors
 /// As [`png::write_png`].
-pub fn encode(image: &Image, origin: Option<(&DeviceInfo, &SceneName)>) -> Result<Vec<u8>> {
+pub fn encode(image: &Picture, origin: Option<(&DeviceInfo, &SceneName)>) -> Result<Vec<u8>> {
     let text = origin.map(|(device, scene)| {
         [
             ("Software", format!("tilewright {}", env!("CARGO_PKG_VERSION"))),

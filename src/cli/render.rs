@@ -12,7 +12,7 @@ use crate::{
     bench, classic, compute,
     error::Result,
     format::Format,
-    image::{Image, texel_rgba8},
+    image::{Picture, texel_rgba8},
     vk::{Gpu, Timings},
 };
 use serde_json::{Value, json};
@@ -74,7 +74,7 @@ fn draw(
     backend: Backend,
     scene_view: &SceneView,
     clock: &mut Clock,
-) -> Result<(Image, Option<Image>, Timings)> {
+) -> Result<(Picture, Option<Picture>, Timings)> {
     match backend {
         Backend::Compute => {
             let mut renderer = compute::Renderer::new(gpu)?;
@@ -100,14 +100,14 @@ fn draw(
 }
 
 /// Whether all pixels have one colour.
-fn is_one_color(color: &Image) -> bool {
+fn is_one_color(color: &Picture) -> bool {
     let size = (color.bytes.len() / color.extent.pixels().max(1)).max(1);
     color.bytes.chunks(size).all(|pixel| *pixel == color.bytes[..size])
 }
 
 /// Whether every pixel is as the clear left it: of the colour `clear`, and with no depth in front of the far
 /// plane. Blended surfaces leave no depth, so depth alone does not tell.
-fn is_blank(color: &Image, depth: Option<&Image>, clear: [f32; 4]) -> bool {
+fn is_blank(color: &Picture, depth: Option<&Picture>, clear: [f32; 4]) -> bool {
     let far = 1f32.to_ne_bytes();
     is_one_color(color)
         && is_first_texel(color, clear)
@@ -115,7 +115,7 @@ fn is_blank(color: &Image, depth: Option<&Image>, clear: [f32; 4]) -> bool {
 }
 
 /// Whether the picture's first pixel shows the linear colour `clear`.
-fn is_first_texel(color: &Image, clear: [f32; 4]) -> bool {
+fn is_first_texel(color: &Picture, clear: [f32; 4]) -> bool {
     let format = match color.format {
         Format::Rgba16Float => Format::Rgba8Srgb,
         format => format,

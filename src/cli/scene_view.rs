@@ -8,7 +8,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     format::Format,
-    image::{Image, srgb_to_linear},
+    image::{Picture, srgb_to_linear},
     pass::Pass,
     scene::{Camera, LoadOptions, PassOptions, Projection, Scene},
 };
@@ -77,8 +77,8 @@ impl SceneView {
     /// The picture of the pass as a file holds it: with colours that are not multiplied by alpha.
     ///
     /// # Errors
-    /// Those of [`Image::unpremultiplied`], if the pass was given another format.
-    pub fn picture(&self, drawn: Image) -> Result<Image> {
+    /// Those of [`Picture::unpremultiplied`], if the pass was given another format.
+    pub fn picture(&self, drawn: Picture) -> Result<Picture> {
         if self.translucent { drawn.unpremultiplied() } else { Ok(drawn) }
     }
 

@@ -3,7 +3,7 @@
 use crate::{
     error::{Error, Result},
     format::Format,
-    image::Image,
+    image::Picture,
     pass::Frame,
 };
 
@@ -40,7 +40,7 @@ pub struct Difference {
 ///
 /// # Errors
 /// [`Error::Usage`] if the image is not [`Format::Rgba8Unorm`].
-pub fn ids(image: &Image) -> Result<Vec<u32>> {
+pub fn ids(image: &Picture) -> Result<Vec<u32>> {
     if image.format != Format::Rgba8Unorm {
         return Err(Error::Usage(format!("an id image is Rgba8Unorm, not {:?}", image.format)));
     }
@@ -51,7 +51,7 @@ pub fn ids(image: &Image) -> Result<Vec<u32>> {
 ///
 /// # Errors
 /// [`Error::Usage`] if it has none.
-pub(crate) fn color(frame: &Frame) -> Result<&Image> {
+pub(crate) fn color(frame: &Frame) -> Result<&Picture> {
     frame.colors.first().ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
 }
 
@@ -100,7 +100,7 @@ pub fn compare(a: Drawn<'_>, b: Drawn<'_>) -> Result<Difference> {
 }
 
 /// Per pixel, the largest difference of a channel in 8 bits.
-pub(super) fn channel_deltas(a: &Image, b: &Image) -> Result<Vec<u8>> {
+pub(super) fn channel_deltas(a: &Picture, b: &Picture) -> Result<Vec<u8>> {
     let (a, b) = (a.display_rgba8()?, b.display_rgba8()?);
     Ok(a.chunks_exact(4)
         .zip(b.chunks_exact(4))
@@ -117,7 +117,7 @@ fn distance(a: f32, b: f32) -> f32 {
     if distance.is_nan() { 1.0 } else { distance }
 }
 
-fn same_shape(a: &Image, b: &Image) -> Result<()> {
+fn same_shape(a: &Picture, b: &Picture) -> Result<()> {
     if (a.extent, a.format) == (b.extent, b.format) {
         return Ok(());
     }
@@ -137,8 +137,8 @@ mod tests {
     fn frame(color: [[u8; 4]; 4], depth: Option<[f32; 4]>) -> Frame {
         let (extent, format) = (EXTENT, Format::Rgba8Unorm);
         Frame {
-            colors: vec![Image { extent, format, bytes: color.concat() }],
-            depth: depth.map(|depth| Image {
+            colors: vec![Picture { extent, format, bytes: color.concat() }],
+            depth: depth.map(|depth| Picture {
                 extent: EXTENT,
                 format: Format::D32Float,
                 bytes: bytemuck::cast_slice(&depth).to_vec(),
@@ -203,7 +203,7 @@ mod tests {
         let with_depth = id_frame([0; 4], Some([0.0; 4]));
         let color = frame([[0; 4]; 4], None);
         let zeroed =
-            |extent, format| Frame { colors: vec![Image::zeroed(extent, format)], depth: None };
+            |extent, format| Frame { colors: vec![Picture::zeroed(extent, format)], depth: None };
         let srgb = zeroed(EXTENT, Format::Rgba8Srgb);
         let small = zeroed(Extent::new(1, 1), Format::Rgba8Unorm);
         assert!(of((&color, &ids), (&srgb, &ids)).is_err());

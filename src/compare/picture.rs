@@ -4,7 +4,7 @@ use super::{
     Drawn, NO_PRIMITIVE,
     difference::{channel_deltas, color, ids},
 };
-use crate::{error::Result, format::Format, image::Image};
+use crate::{error::Result, format::Format, image::Picture};
 
 /// The most telling difference of a pixel decides its colour, in this order.
 const COVERAGE: [u8; 4] = [255, 40, 40, 255];
@@ -17,11 +17,11 @@ const COLOUR: [u8; 4] = [255, 0, 255, 255];
 ///
 /// # Errors
 /// As [`compare`](super::compare), which comes first.
-pub fn difference_picture(a: Drawn<'_>, b: Drawn<'_>) -> Result<Image> {
+pub fn difference_picture(a: Drawn<'_>, b: Drawn<'_>) -> Result<Picture> {
     let (color_a, color_b) = (color(a.frame)?, color(b.frame)?);
     let extent = color_a.extent;
     let (width, height) = (extent.width as usize, extent.height as usize);
-    let mut picture = Image::zeroed(extent, Format::Rgba8Srgb);
+    let mut picture = Picture::zeroed(extent, Format::Rgba8Srgb);
     let shown = color_a.display_rgba8()?;
     for (out, pixel) in picture.bytes.chunks_exact_mut(4).zip(shown.chunks_exact(4)) {
         let sum: u16 = pixel[..3].iter().map(|&channel| u16::from(channel)).sum();
@@ -74,13 +74,13 @@ mod tests {
 
     fn drawn(ids: [u32; 25], colour: u8) -> (Frame, Frame) {
         let extent = Extent::new(5, 5);
-        let image = |bytes| Image { extent, format: Format::Rgba8Unorm, bytes };
+        let image = |bytes| Picture { extent, format: Format::Rgba8Unorm, bytes };
         let color = image(vec![colour; 100]);
         let ids = image(ids.iter().flat_map(|id| id.to_le_bytes()).collect());
         [color, ids].map(|image| Frame { colors: vec![image], depth: None }).into()
     }
 
-    fn picture(a: &(Frame, Frame), b: &(Frame, Frame)) -> Image {
+    fn picture(a: &(Frame, Frame), b: &(Frame, Frame)) -> Picture {
         let drawn = |(frame, ids)| Drawn { frame, ids };
         difference_picture(drawn((&a.0, &a.1)), drawn((&b.0, &b.1))).unwrap()
     }

@@ -129,8 +129,8 @@ impl<T: Copy> Attachment<T> {
         }
         let begin = match (load, image) {
             (LoadOp::Clear(value), _) => Begin::Value(*value),
-            (LoadOp::Upload(picture), _) => {
-                Begin::Picture(Buffer::upload(gpu, "picture to begin with", &picture.bytes)?)
+            (LoadOp::Picture(picture), _) => {
+                Begin::Picture(Buffer::with_content(gpu, "picture to begin with", &picture.bytes)?)
             }
             (LoadOp::Load, Some(image)) => Begin::Image(image.clone()),
             (LoadOp::Load, None) => {

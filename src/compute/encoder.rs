@@ -60,9 +60,10 @@ impl Slot {
 ///
 /// A frame is one submission: all of it has the time that [`crate::vk::GpuOptions::timeout`] allows.
 ///
-/// [`Renderer::begin`] waits for an earlier frame if too many are in flight. What a pass needs for the first time may wait
-/// for the device: textures of the host, and its buffers where the device has memory of its own, are uploaded; kernels
-/// and resource tables are made. Nothing else waits. What a frame used stays until its memory is used by another frame.
+/// [`Renderer::begin`] waits for an earlier frame if too many are in flight. What a pass needs for the first time takes
+/// longer: kernels and resource tables are made, and textures of the host, and its buffers where the device has memory of
+/// its own, are uploaded by a submission of their own. Nobody waits for its end, unless more than 64 MiB are uploaded at
+/// once. Nothing else waits or is submitted. What a frame used stays until its memory is used by another frame.
 pub struct Encoder<'r> {
     renderer: &'r mut Renderer,
     /// `None` once it was given back.
@@ -190,15 +191,15 @@ impl<'r> Encoder<'r> {
     ///
     /// # Errors
     /// [`Error::Capacity`] without memory for it.
-    pub fn upload<T: Pod>(&mut self, content: &[T]) -> Result<Buffer<T>> {
+    pub fn transient<T: Pod>(&mut self, content: &[T]) -> Result<Buffer<T>> {
         self.parts().0.arena.push(content)
     }
 
     /// Copies `content` to the start of `buffer`.
     ///
     /// # Errors
-    /// As [`Encoder::upload`] and [`Recorder::copy`].
-    pub fn update<T: Pod>(&mut self, buffer: &Buffer<T>, content: &[T]) -> Result<()> {
+    /// As [`Encoder::transient`] and [`Recorder::copy`].
+    pub fn upload<T: Pod>(&mut self, buffer: &Buffer<T>, content: &[T]) -> Result<()> {
         if content.is_empty() {
             return Ok(());
         }
@@ -211,7 +212,7 @@ impl<'r> Encoder<'r> {
     ///
     /// # Errors
     /// As [`Recorder::upload_image`].
-    pub fn update_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
+    pub fn upload_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
         self.parts().1.upload_image(image, levels)
     }
 

@@ -129,6 +129,17 @@ impl Renderer {
         Cached { pipelines, pipelines_made, tables, ..self.resources.cached() }
     }
 
+    /// Draws one pass, waits, and returns its targets that are stored. [`Renderer::begin`] is the way to draw frame after
+    /// frame without waiting.
+    ///
+    /// # Errors
+    /// As [`Renderer::prepare`] and [`Prepared::execute`].
+    pub fn render(&mut self, pass: &Pass) -> Result<Frame> {
+        let mut prepared = self.prepare(pass)?;
+        prepared.execute()?;
+        prepared.read()
+    }
+
     /// Plans and records `pass`; it can then run any number of times.
     ///
     /// # Errors
@@ -287,8 +298,6 @@ impl Renderer {
 
 impl Executor for Renderer {
     fn render(&mut self, pass: &Pass) -> Result<Frame> {
-        let mut prepared = self.prepare(pass)?;
-        prepared.execute()?;
-        prepared.read()
+        Renderer::render(self, pass)
     }
 }

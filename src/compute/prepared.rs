@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    image::{Extent, Image},
+    image::{Extent, Picture},
     pass::Frame,
     vk::{Buffer, Gpu, Recording, Timings, error::no_memory},
 };
@@ -65,7 +65,7 @@ impl Prepared {
     ///
     /// # Errors
     /// As [`Prepared::execute`], and [`Error::Usage`] if the pass stores no colour.
-    pub fn read_color(&mut self) -> Result<Image> {
+    pub fn read_color(&mut self) -> Result<Picture> {
         for copy in &mut self.color_copies {
             copy.run()?;
         }
@@ -89,12 +89,12 @@ impl Results {
     }
 
     /// Colour, if it is stored.
-    fn color(&self) -> Result<Option<Image>> {
+    fn color(&self) -> Result<Option<Picture>> {
         self.of(self.attachments.color.as_ref(), |target| target.host_color.as_ref())
     }
 
     /// Depth, if it is stored.
-    fn depth(&self) -> Result<Option<Image>> {
+    fn depth(&self) -> Result<Option<Picture>> {
         self.of(self.attachments.depth.as_ref(), |target| target.host_depth.as_ref())
     }
 
@@ -103,7 +103,7 @@ impl Results {
         &self,
         attachment: Option<&Attachment<A>>,
         rows: impl Fn(&Target) -> Option<&Buffer<T>>,
-    ) -> Result<Option<Image>> {
+    ) -> Result<Option<Picture>> {
         let Some(attachment) = attachment.filter(|attachment| attachment.is_stored()) else {
             return Ok(None);
         };
@@ -117,6 +117,6 @@ impl Results {
         for rows in self.targets.iter().filter_map(rows) {
             rows.cast()?.append_to(&mut bytes)?;
         }
-        Ok(Some(Image { extent, format, bytes }))
+        Ok(Some(Picture { extent, format, bytes }))
     }
 }

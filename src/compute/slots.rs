@@ -72,7 +72,7 @@ pub struct Tables {
     /// In the order of [`crate::plan::BatchPlan::table`].
     pub tables: Vec<ResourceTable>,
     /// For each table its vertex and index buffers by slot, if they are wanted.
-    pub buffers: Option<Vec<HashMap<u32, Arc<pass::Buffer>>>>,
+    pub buffers: Option<Vec<HashMap<u32, Arc<pass::BufferSource>>>>,
     /// The commands of the frame that the tables are for, if they are for one.
     commands: Option<Unfinished>,
     /// Whether another pass has slots in the last table.
@@ -224,7 +224,7 @@ impl<'a> TableSlots<'a> {
 }
 
 impl Slots for TableSlots<'_> {
-    fn buffer(&mut self, buffer: &Arc<pass::Buffer>) -> Result<u32> {
+    fn buffer(&mut self, buffer: &Arc<pass::BufferSource>) -> Result<u32> {
         let (uploaded, window) = (self.resources.buffer(buffer)?, 1 << abi::WINDOW_LOG2);
         if uploaded.bytes() > u64::from(u32::MAX) {
             return Err(Error::Capacity {

@@ -10,7 +10,7 @@ use crate::{
     abi::{self, Piece},
     error::Result,
     grid::{Grid, pixel_number},
-    pass::{Buffer, Frame, Pass},
+    pass::{BufferSource, Frame, Pass},
     plan::{BatchPlan, Method, Plan},
     state::Topology,
     trace::{BatchTrace, Parts, Positions, Primitive, Trace, Triangle, Vertex},
@@ -196,7 +196,7 @@ impl Names<'_> {
 }
 
 /// The content of each of `buffers`.
-fn contents(buffers: &HashMap<u32, Arc<Buffer>>) -> Result<HashMap<u32, Cow<'_, [u8]>>> {
+fn contents(buffers: &HashMap<u32, Arc<BufferSource>>) -> Result<HashMap<u32, Cow<'_, [u8]>>> {
     buffers.iter().map(|(&slot, buffer)| Ok((slot, buffer.content()?))).collect()
 }
 

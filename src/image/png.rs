@@ -4,7 +4,7 @@
 //! command-line tool puts the device there. The `png` crate is used directly because the `image`
 //! crate offers no way to write text.
 
-use super::Image;
+use super::Picture;
 use crate::error::{Error, Result};
 use std::io::Write;
 
@@ -14,7 +14,7 @@ use std::io::Write;
 ///
 /// # Errors
 /// [`Error::Usage`] for a depth image; the writer's own error is passed on by `out`'s `io::Error`.
-pub fn write_png(image: &Image, text: &[(String, String)], out: impl Write) -> Result<()> {
+pub fn write_png(image: &Picture, text: &[(String, String)], out: impl Write) -> Result<()> {
     let pixels = image.display_rgba8()?;
     let mut info = png::Info::with_size(image.extent.width, image.extent.height);
     info.color_type = png::ColorType::Rgba;
@@ -49,7 +49,7 @@ mod tests {
 
     #[test]
     fn pixels_and_text_come_back() {
-        let mut image = Image::zeroed(Extent::new(3, 2), Format::Rgba8Srgb);
+        let mut image = Picture::zeroed(Extent::new(3, 2), Format::Rgba8Srgb);
         for (i, byte) in image.bytes.iter_mut().enumerate() {
             *byte = i as u8 * 7;
         }
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn a_depth_image_is_no_picture() {
-        let depth = Image::zeroed(Extent::new(1, 1), Format::D32Float);
+        let depth = Picture::zeroed(Extent::new(1, 1), Format::D32Float);
         assert!(matches!(write_png(&depth, &[], Vec::new()), Err(Error::Usage(_))));
     }
 }

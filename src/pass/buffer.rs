@@ -6,11 +6,11 @@ use std::{borrow::Cow, sync::Arc};
 
 /// Bytes for vertices, indices, uniform or storage blocks.
 ///
-/// A buffer of the host ([`Buffer::new`]) never changes. An executor uploads it once, and what shaders write into
-/// it is gone after the pass. A buffer of a device ([`Buffer::on_device`]) lives from pass to pass: the host, kernels
+/// A buffer of the host ([`BufferSource::new`]) never changes. An executor uploads it once, and what shaders write into
+/// it is gone after the pass. A buffer of a device ([`BufferSource::on_device`]) lives from pass to pass: the host, kernels
 /// of yours and the shaders of a pass may write it, and all that runs later finds what they wrote.
 #[derive(Clone, Debug, Default)]
-pub struct Buffer {
+pub struct BufferSource {
     label: String,
     content: Content,
 }
@@ -27,7 +27,7 @@ impl Default for Content {
     }
 }
 
-impl Buffer {
+impl BufferSource {
     /// A buffer of the host; `label` names it in messages and captures.
     pub fn new(label: impl Into<String>, bytes: Vec<u8>) -> Self {
         Self { label: label.into(), content: Content::Host(bytes) }
@@ -90,11 +90,11 @@ impl Buffer {
     }
 }
 
-/// A range of a [`Buffer`].
+/// A range of a [`BufferSource`].
 #[derive(Clone, Debug)]
 pub struct BufferRange {
     /// The buffer.
-    pub buffer: Arc<Buffer>,
+    pub buffer: Arc<BufferSource>,
     /// First byte. A multiple of 256 where a shader binds it as a block
     /// (the largest alignment Vulkan lets a device ask for), of the size of one component for
     /// vertices, of the width of an index for indices.
@@ -105,13 +105,18 @@ pub struct BufferRange {
 
 impl BufferRange {
     /// All of `buffer`.
-    pub fn whole(buffer: &Arc<Buffer>) -> Self {
+    pub fn whole(buffer: &Arc<BufferSource>) -> Self {
         Self { buffer: buffer.clone(), offset: 0, bytes: buffer.len() }
     }
 
-    /// All of a buffer that lives on a device ([`Buffer::on_device`]).
+    /// All of a new buffer of the host ([`BufferSource::new`]).
+    pub fn host(label: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
+        Self::whole(&Arc::new(BufferSource::new(label, bytes.into())))
+    }
+
+    /// All of a buffer that lives on a device ([`BufferSource::on_device`]).
     pub fn on_device<T: Pod>(buffer: &vk::Buffer<T>) -> Self {
-        Self::whole(&Arc::new(Buffer::on_device(buffer)))
+        Self::whole(&Arc::new(BufferSource::on_device(buffer)))
     }
 
     /// The bytes, if the buffer is one of the host. The range lies in it.

@@ -1,6 +1,6 @@
 //! The range of vertices that a run of elements uses, remembered between passes.
 
-use super::{Buffer, IndexFormat, Indices};
+use super::{BufferSource, IndexFormat, Indices};
 use std::{
     collections::HashMap,
     ops::Range,
@@ -14,7 +14,7 @@ type Run = (usize, usize, u64, u64, IndexFormat);
 #[derive(Debug, Default)]
 pub struct IndexRanges {
     /// The weak reference keeps the buffer's address from being used for another buffer.
-    known: HashMap<Run, (Weak<Buffer>, (u32, u32))>,
+    known: HashMap<Run, (Weak<BufferSource>, (u32, u32))>,
     /// Runs that were known after the last sweep.
     kept: usize,
     /// Runs that all sweeps together have looked at.
@@ -86,7 +86,7 @@ mod tests {
 
     fn indices(values: &[u16]) -> Indices {
         let bytes = bytemuck::cast_slice(values).to_vec();
-        let buffer = Arc::new(Buffer::new("indices", bytes));
+        let buffer = Arc::new(BufferSource::new("indices", bytes));
         Indices::new(BufferRange::whole(&buffer), IndexFormat::U16)
     }
 

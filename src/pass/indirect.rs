@@ -60,7 +60,7 @@ impl Pass {
     /// The same pass with a draw for each command that a buffer holds at this moment, as far as `compute` draws them.
     ///
     /// # Errors
-    /// As [`super::Buffer::content`].
+    /// As [`super::BufferSource::content`].
     pub(crate) fn with_commands_read(&self) -> Result<Cow<'_, Pass>> {
         if self.draws.iter().all(|draw| draw.indirect.is_none()) {
             return Ok(Cow::Borrowed(self));

@@ -1,6 +1,6 @@
 //! A pass whose resources live on a device, as plain data of the host.
 
-use super::{Binding, BindingSet, Buffer, BufferRange, Pass};
+use super::{Binding, BindingSet, BufferRange, BufferSource, Pass};
 use crate::{error::Result, texture::Texture};
 use std::{borrow::Cow, collections::HashMap, sync::Arc};
 
@@ -10,7 +10,7 @@ impl Pass {
     /// a device, is returned as it is. Storage images stay on their device.
     ///
     /// # Errors
-    /// As [`Buffer::content`].
+    /// As [`BufferSource::content`].
     pub fn snapshot(&self) -> Result<Cow<'_, Pass>> {
         if !self.uses_device() {
             return Ok(Cow::Borrowed(self));
@@ -56,7 +56,7 @@ impl Pass {
 /// What was copied already, so that draws share it as before. The keys are addresses of what the pass holds.
 #[derive(Default)]
 struct Copied {
-    buffers: HashMap<*const Buffer, Arc<Buffer>>,
+    buffers: HashMap<*const BufferSource, Arc<BufferSource>>,
     textures: HashMap<*const Texture, Arc<Texture>>,
     sets: HashMap<*const BindingSet, Arc<BindingSet>>,
 }
@@ -68,7 +68,7 @@ impl Copied {
             range.buffer = copy.clone();
         } else if range.buffer.device_memory().is_some() {
             let content = range.buffer.content()?.into_owned();
-            let copy = Arc::new(Buffer::new(range.buffer.label(), content));
+            let copy = Arc::new(BufferSource::new(range.buffer.label(), content));
             self.buffers.insert(address, copy.clone());
             range.buffer = copy;
         }

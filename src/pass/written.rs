@@ -1,6 +1,6 @@
 //! The buffers that the shaders of a pass write.
 
-use super::{Binding, Buffer, Pass};
+use super::{Binding, BufferSource, Pass};
 use std::{collections::HashSet, sync::Arc};
 
 impl Pass {
@@ -10,7 +10,7 @@ impl Pass {
     /// executors give all storage blocks of the pass that lie in such a buffer a copy of it. Vertices, indices and
     /// uniform blocks keep the host's bytes, which validation has read. Buffers of a device are not among them:
     /// shaders write them in place. Expects a valid pass.
-    pub(crate) fn written_buffers(&self) -> Vec<Arc<Buffer>> {
+    pub(crate) fn written_buffers(&self) -> Vec<Arc<BufferSource>> {
         let (mut found, mut known) = (Vec::new(), HashSet::new());
         for draw in &self.draws {
             let pipeline = &self.pipelines[draw.pipeline];

@@ -25,7 +25,7 @@ use crate::{
     error::{Error, Result},
     grid::Capacities,
     kept::ByIdentity,
-    pass::{BindingEntry, BindingSet, Buffer, Draw, IndexRanges, Pass, Pipeline},
+    pass::{BindingEntry, BindingSet, BufferSource, Draw, IndexRanges, Pass, Pipeline},
     shader::{ResourceArray, Shader},
     state::Compare,
 };
@@ -38,7 +38,7 @@ pub(crate) use facts::{PipelineKernels, depth_mode};
 pub trait Slots {
     /// The slot of a whole buffer, for vertices and indices. A buffer of more than 2^[`abi::WINDOW_LOG2`]
     /// bytes has several consecutive slots, each for so many bytes; this is the first of them.
-    fn buffer(&mut self, buffer: &Arc<Buffer>) -> Result<u32>;
+    fn buffer(&mut self, buffer: &Arc<BufferSource>) -> Result<u32>;
     /// The first of consecutive slots of the elements of one shader variable, which `set` binds by the
     /// entry `entry`. If the variable is a block, `block` is its size in bytes.
     fn bindings(&mut self, set: &Arc<BindingSet>, entry: &BindingEntry, block: u32) -> Result<u32>;

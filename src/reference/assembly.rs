@@ -73,7 +73,7 @@ fn vertex_index(draw: &Draw, element: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pass::{Buffer, BufferRange, Indices};
+    use crate::pass::{BufferRange, BufferSource, Indices};
     use std::sync::Arc;
 
     fn draw(first: u32, base_vertex: i32, indices: Option<Indices>) -> Draw {
@@ -94,7 +94,7 @@ mod tests {
     fn the_base_vertex_is_added_to_indices_only() {
         assert_eq!(vertex_index(&draw(7, 100, None), 2), 9);
         let bytes: Vec<u8> = [1u32, 2, 3, 40, 50, 60].map(u32::to_ne_bytes).concat();
-        let buffer = Arc::new(Buffer::new("indices", bytes));
+        let buffer = Arc::new(BufferSource::new("indices", bytes));
         let range = BufferRange { buffer, offset: 8, bytes: 16 };
         let wide = Indices::new(range.clone(), IndexFormat::U32);
         assert_eq!(vertex_index(&draw(1, -5, Some(wide)), 2), 55);

@@ -99,7 +99,7 @@ fn depth_before(pass: &Pass, grid: &Grid) -> Vec<f32> {
     let pixels = grid.extent.pixels();
     match pass.depth.as_ref().map(|depth| &depth.load) {
         Some(LoadOp::Clear(depth)) => vec![*depth; pixels],
-        Some(LoadOp::Upload(picture)) => {
+        Some(LoadOp::Picture(picture)) => {
             let first = grid.origin_y as usize * grid.extent.width as usize;
             picture.depths()[first..first + pixels].to_vec()
         }

@@ -1,7 +1,7 @@
 //! Metallic-roughness materials, as loaders describe them and as shaders read them.
 
 use crate::{
-    pass::{Binding, BindingEntry, BindingSet, Buffer, BufferRange},
+    pass::{Binding, BindingEntry, BindingSet, BufferRange, BufferSource},
     texture::{Sampler, Texture},
 };
 use glam::{Vec2, Vec3, Vec4};
@@ -185,7 +185,7 @@ pub(super) fn binding_sets(
         let block = Block::new(material);
         slot[..size_of::<Block>()].copy_from_slice(bytemuck::bytes_of(&block));
     }
-    let buffer = Arc::new(Buffer::new(format!("{label} materials"), bytes));
+    let buffer = Arc::new(BufferSource::new(format!("{label} materials"), bytes));
     let set = |(i, material): (usize, &Material)| {
         let block = BufferRange {
             buffer: buffer.clone(),

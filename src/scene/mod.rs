@@ -44,7 +44,7 @@ pub use load::LoadOptions;
 pub use pass::PassOptions;
 pub use texture::{ColorSpace, load_texture};
 
-use crate::pass::{BindingSet, Buffer, Pipeline};
+use crate::pass::{BindingSet, BufferSource, Pipeline};
 use std::{path::PathBuf, sync::Arc};
 
 /// Things to draw, lit and placed.
@@ -57,7 +57,7 @@ pub struct Scene {
     bounds: Bounds,
     light: Light,
     pipelines: Vec<Arc<Pipeline>>,
-    chunks: Vec<Arc<Buffer>>,
+    chunks: Vec<Arc<BufferSource>>,
     /// What missing attributes read.
     constants: store::Slice,
     parts: Vec<build::Part>,

@@ -26,7 +26,7 @@ pub struct PassOptions {
     pub format: Format,
     /// Colour behind everything, linear RGBA, not premultiplied; `None` is the scene's own, which is
     /// opaque. Over a translucent one the picture's colours come out premultiplied by its alpha, as
-    /// blending makes them ([`Image::unpremultiplied`](crate::image::Image::unpremultiplied)).
+    /// blending makes them ([`Picture::unpremultiplied`](crate::image::Picture::unpremultiplied)).
     pub background: Option<[f32; 4]>,
     /// Whether draws outside the view are left out. Off only to measure and to test.
     pub cull: bool,

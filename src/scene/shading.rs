@@ -13,7 +13,7 @@ use super::{
 use crate::{
     Result,
     image::Extent,
-    pass::{Binding, BindingEntry, BindingSet, Buffer, BufferRange},
+    pass::{Binding, BindingEntry, BindingSet, BufferRange, BufferSource},
     prebuilt::scene as prebuilt,
     shader::{Shader, Stage},
 };
@@ -80,7 +80,7 @@ pub(super) fn frame_set(camera: &Camera, extent: Extent, light: &Light) -> Arc<B
         ground: light.ground.extend(0.0).to_array(),
     };
     let bytes = bytemuck::bytes_of(&frame).to_vec();
-    let buffer = Arc::new(Buffer::new("frame", bytes));
+    let buffer = Arc::new(BufferSource::new("frame", bytes));
     let resources = vec![Binding::Uniform(BufferRange::whole(&buffer))];
     Arc::new(BindingSet { entries: vec![BindingEntry { binding: 0, resources }] })
 }

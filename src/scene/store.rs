@@ -5,7 +5,7 @@
 //! 128 MiB). So blocks are appended to chunks of at most [`CHUNK_BYTES`]; only a block that is
 //! larger by itself gets a larger buffer of its own.
 
-use crate::pass::{Buffer, BufferRange};
+use crate::pass::{BufferRange, BufferSource};
 use std::sync::Arc;
 
 /// A chunk is closed before it grows beyond this.
@@ -36,7 +36,7 @@ impl Slice {
     }
 
     /// The range of the finished buffers.
-    pub fn range(self, chunks: &[Arc<Buffer>]) -> BufferRange {
+    pub fn range(self, chunks: &[Arc<BufferSource>]) -> BufferRange {
         BufferRange { buffer: chunks[self.chunk].clone(), offset: self.offset, bytes: self.bytes }
     }
 }
@@ -73,10 +73,10 @@ impl Store {
     }
 
     /// The buffers.
-    pub fn finish(self, label: &str) -> Vec<Arc<Buffer>> {
+    pub fn finish(self, label: &str) -> Vec<Arc<BufferSource>> {
         let buffer = |(i, mut bytes): (usize, Vec<u8>)| {
             bytes.shrink_to_fit();
-            Arc::new(Buffer::new(format!("{label} geometry {i}"), bytes))
+            Arc::new(BufferSource::new(format!("{label} geometry {i}"), bytes))
         };
         self.chunks.into_iter().enumerate().map(buffer).collect()
     }

@@ -14,10 +14,10 @@ use super::{
     Stage,
     include::{self, Finder},
     module::Outcome,
-    stored::Entry,
+    stored::{self, Entry},
     validate,
 };
-use crate::{Error, Result, cache};
+use crate::{Error, Result};
 
 #[cfg(feature = "glsl-bundled")]
 use super::bundled as compiler;
@@ -47,7 +47,7 @@ pub(super) fn compile(
     source: &str,
     finder: &Finder,
 ) -> Result<Vec<u32>> {
-    let stored = Entry::new(cache::folder().as_deref(), stage, source);
+    let stored = Entry::new(stored::folder().as_deref(), stage, source);
     if let Some(words) = stored.as_ref().and_then(Entry::read) {
         return Ok(words);
     }

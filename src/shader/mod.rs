@@ -49,9 +49,11 @@ pub(crate) use resource::ResourceArray;
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
+pub use stored::keep_compiled;
 
 /// Which stage a shader is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Stage {
     /// Vertex shader.
     Vertex,

@@ -10,8 +10,21 @@ use super::{Stage, include};
 use crate::cache;
 use std::{
     path::{Path, PathBuf},
-    sync::OnceLock,
+    sync::{OnceLock, PoisonError, RwLock},
 };
+
+static FOLDER: RwLock<Option<PathBuf>> = RwLock::new(None);
+
+/// From now on, this process keeps what it compiles from GLSL in `folder`, such as [`crate::cache_folder`], and takes from
+/// there what an earlier run compiled. With `None` it keeps nothing, which is how a process begins.
+pub fn keep_compiled(folder: impl Into<Option<PathBuf>>) {
+    *FOLDER.write().unwrap_or_else(PoisonError::into_inner) = folder.into();
+}
+
+/// Where results are kept.
+pub(super) fn folder() -> Option<PathBuf> {
+    FOLDER.read().unwrap_or_else(PoisonError::into_inner).clone()
+}
 
 /// A source and where its result is kept.
 pub(super) struct Entry {

@@ -42,9 +42,10 @@ pub enum Border {
     OpaqueWhite,
 }
 
-/// A sampler: `VkSamplerCreateInfo`. Set what you need, and take the rest from [`Sampler::default`] or
-/// [`Sampler::nearest`], as more fields may come.
+/// A sampler: `VkSamplerCreateInfo`. Begin with [`Sampler::default`], which is trilinear and repeats, or with
+/// [`Sampler::nearest`], and set what differs.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Sampler {
     /// Wrapping along u.
     pub wrap_u: Wrap,
@@ -107,6 +108,28 @@ impl Sampler {
             mip: None,
             ..Self::TRILINEAR
         }
+    }
+
+    setters! {
+        wrap_u: Wrap,
+        wrap_v: Wrap,
+        wrap_w: Wrap,
+        mag: Filter,
+        min: Filter,
+        mip: Option<Filter>,
+        lod_bias: f32,
+        min_lod: f32,
+        max_lod: f32,
+        anisotropy: f32,
+        compare: Option<Compare>,
+        border: Border,
+        unnormalized: bool,
+    }
+
+    /// The same wrapping along u, v and w.
+    #[must_use]
+    pub const fn wrap(self, wrap: Wrap) -> Self {
+        self.wrap_u(wrap).wrap_v(wrap).wrap_w(wrap)
     }
 
     /// Whether it filters anything linearly.

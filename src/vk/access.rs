@@ -175,7 +175,7 @@ void main() {
             let spirv = kernel(SLOW);
             let info = KernelInfo { name: "slow", spirv: &spirv, ..KernelInfo::default() };
             let slow = Kernel::new(&gpu, &info).unwrap();
-            let cells = Buffer::upload(&gpu, "cells", &[1u32, 4_000_000]).unwrap();
+            let cells = Buffer::with_content(&gpu, "cells", &[1u32, 4_000_000]).unwrap();
             let read = Buffer::<u32>::new(&gpu, "read", 2, Memory::Readback).unwrap();
             let mut table = ResourceTable::new(&gpu).unwrap();
             table.insert_buffer(&cells).unwrap();

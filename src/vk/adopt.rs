@@ -87,22 +87,13 @@ impl CallerImage<'_> {
         let (name, shape, levels) = ("an image of the caller", Shape::D2, 1);
         Self { name, image, extent, shape, format, levels, usage, layout }
     }
-
-    /// The same with other dimensions and layers.
-    pub fn shape(self, shape: Shape) -> Self {
-        Self { shape, ..self }
-    }
-
-    /// The same with so many levels.
-    pub fn levels(self, levels: u32) -> Self {
-        Self { levels, ..self }
-    }
 }
 
 impl<'a> CallerImage<'a> {
-    /// The same with a name for messages.
-    pub fn name(self, name: &'a str) -> Self {
-        Self { name, ..self }
+    setters! {
+        name: &'a str,
+        shape: Shape,
+        levels: u32,
     }
 }
 

@@ -91,7 +91,7 @@ impl Arena {
     }
 
     fn next_block(&mut self, bytes: usize) -> Result<Buffer<u8>> {
-        let block = Buffer::new(&self.gpu, "data of a frame", bytes, Memory::Upload)?;
+        let block = Buffer::new(&self.gpu, "data of a frame", bytes, Memory::Mapped)?;
         self.blocks.push(block.clone());
         self.used = 0;
         Ok(block)

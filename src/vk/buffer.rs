@@ -13,11 +13,12 @@ use std::{marker::PhantomData, ops::Range, sync::Arc};
 
 /// Which side reads and writes a buffer most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Memory {
     /// The device; the host reaches it by copies.
     Device,
     /// Written by the host, read by the device.
-    Upload,
+    Mapped,
     /// Written by the device, read by the host.
     Readback,
 }
@@ -82,7 +83,7 @@ impl<T: Pod> Buffer<T> {
             let requirements = shared.device.get_buffer_memory_requirements(handle);
             let location = match memory {
                 Memory::Device => MemoryLocation::GpuOnly,
-                Memory::Upload => MemoryLocation::CpuToGpu,
+                Memory::Mapped => MemoryLocation::CpuToGpu,
                 Memory::Readback => MemoryLocation::GpuToCpu,
             };
             let what = format!("buffer `{name}`");
@@ -106,12 +107,12 @@ impl<T: Pod> Buffer<T> {
         Ok(Self { raw: Arc::new(raw), offset: 0, len, element: PhantomData })
     }
 
-    /// An [`Memory::Upload`] buffer that holds `content`.
+    /// An [`Memory::Mapped`] buffer that holds `content`.
     ///
     /// # Errors
     /// As [`Buffer::new`].
-    pub fn upload(gpu: &Gpu, name: &str, content: &[T]) -> Result<Self> {
-        let buffer = Self::new(gpu, name, content.len(), Memory::Upload)?;
+    pub fn with_content(gpu: &Gpu, name: &str, content: &[T]) -> Result<Self> {
+        let buffer = Self::new(gpu, name, content.len(), Memory::Mapped)?;
         // SAFETY: nobody else has the buffer yet.
         unsafe { buffer.write_out_of_turn(0, content)? };
         Ok(buffer)
@@ -121,7 +122,7 @@ impl<T: Pod> Buffer<T> {
     /// waits for it; so a recording finds all of the content or nothing of it.
     ///
     /// # Errors
-    /// [`Error::Usage`] if it is not an [`Memory::Upload`] buffer or too short; [`Error::Lost`] if the
+    /// [`Error::Usage`] if it is not an [`Memory::Mapped`] buffer or too short; [`Error::Lost`] if the
     /// device was lost, which may still be reading.
     pub fn write(&self, first: usize, content: &[T]) -> Result<()> {
         let _turn = self.raw.gpu.host_turn()?;
@@ -142,7 +143,7 @@ impl<T: Pod> Buffer<T> {
                 content.len()
             )));
         }
-        let mapped = self.raw.mapped(Memory::Upload)?;
+        let mapped = self.raw.mapped(Memory::Mapped)?;
         let bytes: &[u8] = bytemuck::cast_slice(content);
         let at = self.offset as usize + first * size_of::<T>();
         // SAFETY: `at + bytes.len()` is inside the buffer, which is mapped as a whole. Bytes of

@@ -17,7 +17,7 @@ use std::{collections::HashMap, sync::Arc};
 #[derive(Default)]
 pub struct Copies {
     /// The upload and its copy, by address: the pass holds the buffers while it is planned.
-    all: HashMap<*const pass::Buffer, [Buffer<u8>; 2]>,
+    all: HashMap<*const pass::BufferSource, [Buffer<u8>; 2]>,
 }
 
 impl Copies {
@@ -55,7 +55,7 @@ impl Copies {
     pub fn storage(
         &self,
         resources: &mut Resources,
-        buffer: &Arc<pass::Buffer>,
+        buffer: &Arc<pass::BufferSource>,
     ) -> Result<Buffer<u8>> {
         match self.all.get(&Arc::as_ptr(buffer)) {
             Some([_, copy]) => Ok(copy.clone()),

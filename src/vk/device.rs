@@ -12,6 +12,7 @@ pub(super) const DEVICE_VARIABLE: &str = "TILEWRIGHT_DEVICE";
 
 /// What kind of device it is, in the order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
 pub enum DeviceKind {
     /// A GPU with memory of its own.
     Discrete,
@@ -45,6 +46,7 @@ impl DeviceKind {
 
 /// Which kind of device is acceptable. There is no fall-back to another kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Require {
     /// Any.
     #[default]
@@ -57,6 +59,7 @@ pub enum Require {
 
 /// One queue family.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct QueueInfo {
     /// Queues of the family.
     pub count: u32,
@@ -70,6 +73,7 @@ pub struct QueueInfo {
 
 /// A device as listed by [`devices`].
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct DeviceInfo {
     /// Its number in the loader's order, which `--device` takes.
     pub index: usize,
@@ -139,8 +143,6 @@ pub(super) fn pick(
     selector: Option<&str>,
     require: Require,
 ) -> Result<Candidate> {
-    let from_environment = std::env::var(DEVICE_VARIABLE).ok().filter(|s| !s.is_empty());
-    let selector = selector.or(from_environment.as_deref());
     let mut all = candidates(instance)?;
     if all.is_empty() {
         return Err(Error::Device(

@@ -10,6 +10,7 @@ use std::path::Path;
 
 /// The state of Vulkan on this machine.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Doctor {
     /// The loader's version, or why there is none.
     pub loader: std::result::Result<String, String>,
@@ -27,6 +28,7 @@ pub struct Doctor {
 
 /// How bad a [`Finding`] is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Severity {
     /// Nothing can be rendered.
     Error,
@@ -36,6 +38,7 @@ pub enum Severity {
 
 /// Something that is wrong, with its fix.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Finding {
     /// How bad it is.
     pub severity: Severity,

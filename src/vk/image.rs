@@ -16,6 +16,7 @@ use std::sync::Arc;
 
 /// What an image is for; it decides usage and resting layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ImageUse {
     /// Uploaded once, then sampled by kernels of yours through a [`super::ResourceTable`]. Passes sample textures of the
     /// host ([`crate::texture::Texture::new`]) and images for [`ImageUse::Attachment`].
@@ -53,14 +54,9 @@ impl<'a> ImageInfo<'a> {
         Self { name, extent, format, usage, shape: Shape::D2, levels: 1 }
     }
 
-    /// The same with so many mip levels.
-    pub fn levels(self, levels: u32) -> Self {
-        Self { levels, ..self }
-    }
-
-    /// The same with other dimensions and layers.
-    pub fn shape(self, shape: Shape) -> Self {
-        Self { shape, ..self }
+    setters! {
+        shape: Shape,
+        levels: u32,
     }
 }
 
@@ -99,20 +95,20 @@ impl Image {
     ///
     /// # Errors
     /// As [`Recorder::download_image`] and [`super::Recording::run`].
-    pub fn download(&self, level: u32) -> Result<image::Image> {
+    pub fn download(&self, level: u32) -> Result<image::Picture> {
         let mut recorder = Recorder::new(&Gpu(self.0.gpu.clone()), "download")?;
         let copy = recorder.download_image(self, level)?;
         recorder.submit()?;
         let Extent { width, height } = self.extent().level(level);
         let extent = Extent::new(width, height * self.shape().pictures(level));
-        Ok(image::Image { extent, format: self.format(), bytes: copy.read()? })
+        Ok(image::Picture { extent, format: self.format(), bytes: copy.read()? })
     }
 
     /// The present content of one layer or slice of mip level `level`.
     ///
     /// # Errors
     /// As [`Image::download`], and [`crate::Error::Usage`] if there is no such layer or slice.
-    pub fn download_layer(&self, level: u32, layer: u32) -> Result<image::Image> {
+    pub fn download_layer(&self, level: u32, layer: u32) -> Result<image::Picture> {
         let gpu = Gpu(self.0.gpu.clone());
         let (extent, format) = (self.extent().level(level), self.format());
         let bytes = extent.pixels() * format.texel_bytes();
@@ -121,7 +117,7 @@ impl Image {
         let subresource = Subresource { level, layer };
         recorder.copy_from_image(self, subresource, 0..extent.height, &copy)?;
         recorder.submit()?;
-        Ok(image::Image { extent, format, bytes: copy.read()? })
+        Ok(image::Picture { extent, format, bytes: copy.read()? })
     }
 
     /// Replaces the content of all levels, from the largest down, and waits. [`Recorder::upload_image`] does not wait.

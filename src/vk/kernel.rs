@@ -22,6 +22,7 @@ use std::{
 
 /// How to make a [`Kernel`].
 #[derive(Clone, Copy, Debug, Default)]
+#[non_exhaustive]
 pub struct KernelInfo<'a> {
     /// For messages, labels and timings.
     pub name: &'a str,
@@ -38,6 +39,20 @@ pub struct KernelInfo<'a> {
     pub full_subgroups: bool,
     /// The subgroup size, where the device offers several.
     pub subgroup_size: Option<u32>,
+}
+
+impl<'a> KernelInfo<'a> {
+    /// A kernel without specialization, for subgroups of any size.
+    pub fn new(name: &'a str, spirv: &'a [u32]) -> Self {
+        Self { name, spirv, ..Self::default() }
+    }
+
+    setters! {
+        constants: &'a [(&'a str, u32)],
+        constant_ids: &'a [(u32, u32)],
+        full_subgroups: bool,
+        subgroup_size: Option<u32>,
+    }
 }
 
 /// A compute pipeline and the names that it binds. A clone is the same kernel.

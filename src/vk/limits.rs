@@ -5,6 +5,7 @@ use ash::vk;
 
 /// Limits of an opened device that callers plan by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Limits {
     /// Bytes that one storage-buffer binding reaches.
     pub storage_range_bytes: u64,

@@ -31,18 +31,19 @@ use std::{
 
 /// How to open a device. [`Gpu::adopt`] takes only the last four fields: the rest is the caller's.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GpuOptions {
-    /// Index, UUID or name pattern; `None` takes the variable `TILEWRIGHT_DEVICE`, or the best one.
+    /// Index, UUID or name pattern; `None` takes the best one.
     pub device: Option<String>,
     /// Which kind of device is acceptable.
     pub require: Require,
-    /// Loads the validation layer, with synchronization validation. Also on if the variable `TILEWRIGHT_VALIDATION` is `1`. Its messages go to the crate
-    /// `log` and to [`Gpu::validation_messages`], and not to standard error.
+    /// Loads the validation layer, with synchronization validation. Its messages go to the crate `log` and to
+    /// [`Gpu::validation_messages`], and not to standard error.
     pub validation: bool,
     /// How long one submission may take before the device counts as lost.
     pub timeout: Duration,
-    /// Where compiled pipelines are kept; `None` keeps none. (Shaders compiled from GLSL have a folder of their own, unless
-    /// the variable `TILEWRIGHT_CACHE` is `off`.)
+    /// A folder, such as [`crate::cache_folder`], where compiled pipelines are kept from run to run; `None` keeps none. For
+    /// compiled GLSL see [`crate::shader::keep_compiled`].
     pub cache: Option<PathBuf>,
     /// Size of the resource table.
     pub table: TableSizes,
@@ -55,6 +56,30 @@ impl GpuOptions {
     /// How long a submission may take by default. A CPU driver compiles kernels at their first
     /// dispatch, on a busy machine in tens of seconds.
     pub const TIMEOUT: Duration = Duration::from_secs(120);
+
+    /// The options that the environment asks for, as the tool reads it: the device of the variable `TILEWRIGHT_DEVICE`, the
+    /// validation layer if `TILEWRIGHT_VALIDATION` is `1`, and compiled pipelines in [`crate::cache_folder`].
+    pub fn from_env() -> Self {
+        let variable = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
+        Self {
+            device: variable(device::DEVICE_VARIABLE),
+            validation: variable("TILEWRIGHT_VALIDATION").is_some_and(|value| value == "1"),
+            cache: crate::cache_folder(),
+            ..Self::default()
+        }
+    }
+
+    setters! {
+        require: Require,
+        validation: bool,
+        timeout: Duration,
+        table: TableSizes,
+        by_address: bool,
+        ;
+        into
+        device: Option<String>,
+        cache: Option<PathBuf>,
+    }
 }
 
 impl Default for GpuOptions {
@@ -64,7 +89,7 @@ impl Default for GpuOptions {
             require: Require::Any,
             validation: false,
             timeout: Self::TIMEOUT,
-            cache: crate::cache::folder(),
+            cache: None,
             table: TableSizes::default(),
             by_address: true,
         }
@@ -93,9 +118,7 @@ impl Gpu {
     /// [`Error::Device`] without a loader, a driver or a device that meets all [`super::REQUIREMENTS`];
     /// the message names the device and the missing feature, and says what to do.
     pub fn open(options: &GpuOptions) -> Result<Self> {
-        let asked = std::env::var("TILEWRIGHT_VALIDATION").is_ok_and(|v| v == "1");
-        let validation = options.validation || asked;
-        let instance = Instance::new(validation)?;
+        let instance = Instance::new(options.validation)?;
         let device::Candidate { raw: physical, probe, info } =
             device::pick(&instance, options.device.as_deref(), options.require)?;
         let family = probe.family();

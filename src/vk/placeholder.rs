@@ -40,7 +40,7 @@ impl Placeholders {
         };
         let sampled = one("unused texture slot", ImageUse::Sampled)?;
         let storage = one("unused storage image slot", ImageUse::Storage)?;
-        let buffer = Buffer::upload(gpu, "unused buffer slot", &[0; 64])?;
+        let buffer = Buffer::with_content(gpu, "unused buffer slot", &[0; 64])?;
         let sampler = Sampler::new(gpu, &texture::Sampler::default())?;
         let mut recorder = Recorder::new(gpu, "unused table slots")?;
         recorder.upload_image(&sampled, &[&[0; 4]])?;

@@ -15,6 +15,7 @@ pub struct Recording {
 
 /// How long the device took.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Timings {
     /// The whole recording, 0 if the device has no timestamps.
     pub total_ns: u64,

@@ -14,6 +14,7 @@ use super::{
     owner::same_device,
     raw_image::vk_format,
     recorder::Recorder,
+    recording::Recording,
     sampler::Sampler,
 };
 use crate::{
@@ -34,13 +35,15 @@ const PENDING_BYTES: usize = 64 << 20;
 pub struct Resources {
     gpu: Gpu,
     /// By address.
-    buffers: HashMap<usize, (Weak<pass::Buffer>, Buffer<u8>)>,
+    buffers: HashMap<usize, (Weak<pass::BufferSource>, Buffer<u8>)>,
     textures: HashMap<usize, (Weak<Texture>, Image)>,
     /// Copies of ranges that are shorter than the block they are read as, with zeros behind.
-    padded: HashMap<Padded, (Weak<pass::Buffer>, Buffer<u8>)>,
+    padded: HashMap<Padded, (Weak<pass::BufferSource>, Buffer<u8>)>,
     /// Copies that [`Resources::flush`] has to run, and the bytes that wait in host memory for them.
     pending: Option<Recorder>,
     pending_bytes: usize,
+    /// Copies that were started. What runs later on the device finds them done.
+    started: Vec<Recording>,
 }
 
 /// What an executor keeps for the passes to come.
@@ -72,6 +75,7 @@ impl Resources {
             padded: HashMap::new(),
             pending: None,
             pending_bytes: 0,
+            started: Vec::new(),
         }
     }
 
@@ -79,7 +83,7 @@ impl Resources {
     ///
     /// # Errors
     /// [`crate::Error::Capacity`] without memory for it; [`crate::Error::Usage`] if it lives on another device.
-    pub fn buffer(&mut self, buffer: &Arc<pass::Buffer>) -> Result<Buffer<u8>> {
+    pub fn buffer(&mut self, buffer: &Arc<pass::BufferSource>) -> Result<Buffer<u8>> {
         let content = match (buffer.device_memory(), buffer.host_bytes()) {
             (Some(memory), _) => {
                 same_device(&self.gpu, memory)?;
@@ -121,7 +125,7 @@ impl Resources {
     fn upload(&mut self, label: &str, content: &[u8]) -> Result<Buffer<u8>> {
         if self.gpu.0.unified_memory {
             // The host's memory is the device's: a copy would only cost memory and time.
-            return Buffer::upload(&self.gpu, label, content);
+            return Buffer::with_content(&self.gpu, label, content);
         }
         let uploaded = Buffer::new(&self.gpu, label, content.len(), Memory::Device)?;
         self.pending()?.upload(&uploaded, content)?;
@@ -189,29 +193,39 @@ impl Resources {
         Sampler::new(&self.gpu, state)
     }
 
-    /// Runs the copies that are pending. Nothing that was asked for may be used before.
+    /// Starts the copies that are pending, and does not wait for their end. Nothing that was asked for may be used before.
     ///
     /// # Errors
-    /// As [`super::Recording::run`].
+    /// As [`Recording::start`].
     pub fn flush(&mut self) -> Result<()> {
         self.pending_bytes = 0;
         let Some(recorder) = self.pending.take() else { return Ok(()) };
-        let ran = recorder.submit().map(|_| ());
-        if ran.is_err() {
-            // Nobody knows which copies arrived.
-            self.buffers.clear();
-            self.textures.clear();
-            self.padded.clear();
+        let started = recorder.finish().and_then(|mut copies| copies.start().map(|_| copies));
+        match started {
+            Ok(copies) => self.started.push(copies),
+            Err(error) => {
+                // Nothing was copied.
+                self.buffers.clear();
+                self.textures.clear();
+                self.padded.clear();
+                return Err(error);
+            }
         }
-        ran
+        Ok(())
     }
 
     fn flush_above(&mut self, bytes: usize) -> Result<()> {
-        if self.pending_bytes > bytes { self.flush() } else { Ok(()) }
+        if self.pending_bytes <= bytes {
+            return Ok(());
+        }
+        self.flush()?;
+        // The memory that the host wrote is free again before more is taken.
+        self.started.drain(..).try_for_each(|mut copies| copies.wait().map(drop))
     }
 
     /// Forgets the uploads of resources that have no owner any more.
     pub fn trim(&mut self) {
+        self.started.retain(Recording::is_running);
         self.buffers.retain(|_, (holder, _)| holder.strong_count() > 0);
         self.textures.retain(|_, (holder, _)| holder.strong_count() > 0);
         self.padded.retain(|_, (holder, _)| holder.strong_count() > 0);

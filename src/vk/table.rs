@@ -137,7 +137,7 @@ impl ResourceTable {
 
         if gpu.0.addresses {
             let count = gpu.0.table_sizes.buffers as usize;
-            raw.addresses = Some(Buffer::new(gpu, "buffer addresses", count, Memory::Upload)?);
+            raw.addresses = Some(Buffer::new(gpu, "buffer addresses", count, Memory::Mapped)?);
         }
 
         let table = Self {

@@ -100,7 +100,7 @@ impl Recorder {
     /// As [`Recorder::copy`].
     pub fn upload<T: Pod>(&mut self, buffer: &Buffer<T>, content: &[T]) -> Result<()> {
         let name = format!("upload of {}", buffer.name());
-        let staging = Buffer::upload(&self.gpu, &name, content)?;
+        let staging = Buffer::with_content(&self.gpu, &name, content)?;
         self.copy(&staging, buffer)
     }
 
@@ -132,7 +132,7 @@ impl Recorder {
         raw.check_copied(false, true)?;
         let total = levels.iter().map(|level| level.as_ref().len()).sum();
         let name = format!("upload of {}", raw.name);
-        let staging = Buffer::<u8>::new(&self.gpu, &name, total, Memory::Upload)?;
+        let staging = Buffer::<u8>::new(&self.gpu, &name, total, Memory::Mapped)?;
         let (mut regions, mut at) = (Vec::new(), 0);
         for (n, level) in levels.iter().enumerate() {
             let level = level.as_ref();

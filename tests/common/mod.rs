@@ -75,14 +75,15 @@ pub fn on_each_gpu(name: &str, case: impl Fn(&Gpu)) {
     }
 }
 
-/// Opens a device with validation, and without the user's pipeline cache.
+/// Opens a device with validation. Compiled GLSL is kept for the next run; pipelines are not.
 pub fn open(device: &str) -> TestGpu {
-    open_with(GpuOptions { device: Some(device.into()), ..GpuOptions::default() })
+    open_with(GpuOptions::default().device(device.to_string()))
 }
 
 /// As [`open`], with options of the test's own.
 pub fn open_with(options: GpuOptions) -> TestGpu {
-    let options = GpuOptions { validation: true, cache: None, ..options };
+    let options = options.validation(true).cache(None);
+    tilewright::shader::keep_compiled(tilewright::cache_folder());
     TestGpu(Gpu::open(&options).unwrap_or_else(|e| panic!("{e}")), false)
 }
 

@@ -272,6 +272,38 @@ impl<'p> Opened<'p> {
         }
     }
 
+    /// Keeps the queue from going on until the host lets it ([`Opened::let_go`]).
+    pub fn hold(&self) -> vk::Semaphore {
+        let mut timeline = vk::SemaphoreTypeCreateInfo::default()
+            .semaphore_type(vk::SemaphoreType::TIMELINE)
+            .initial_value(0);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut timeline);
+        // SAFETY: this thread alone uses the queue, and the semaphore stays until the end of the test.
+        unsafe {
+            let semaphore = self.device.create_semaphore(&info, None).unwrap();
+            let (semaphores, values) = ([semaphore], [1]);
+            let mut values =
+                vk::TimelineSemaphoreSubmitInfo::default().wait_semaphore_values(&values);
+            let submit = vk::SubmitInfo::default()
+                .wait_semaphores(&semaphores)
+                .wait_dst_stage_mask(&[vk::PipelineStageFlags::ALL_COMMANDS])
+                .push_next(&mut values);
+            self.device.queue_submit(self.queue, &[submit], vk::Fence::null()).unwrap();
+            semaphore
+        }
+    }
+
+    /// Lets the queue go on.
+    pub fn let_go(&self, semaphore: vk::Semaphore) {
+        let info = vk::SemaphoreSignalInfo::default().semaphore(semaphore).value(1);
+        // SAFETY: the semaphore is one of [`Opened::hold`], and the queue is idle when it is destroyed.
+        unsafe {
+            self.device.signal_semaphore(&info).unwrap();
+            self.device.queue_wait_idle(self.queue).unwrap();
+            self.device.destroy_semaphore(semaphore, None);
+        }
+    }
+
     pub fn wait(&self, fence: vk::Fence) {
         // SAFETY: the fence was submitted.
         unsafe {

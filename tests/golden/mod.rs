@@ -26,7 +26,6 @@ use std::{
 use tilewright::{
     compute,
     image::Extent,
-    pass::Executor as _,
     scene::{LoadOptions, PassOptions, Scene},
     vk::Gpu,
 };
@@ -186,9 +185,9 @@ fn compare(golden: &Golden, path: &Path, device: &str, drawn: &[u8]) -> Result<(
 fn write(path: &Path, rgba: &[u8]) {
     use tilewright::{
         format::Format,
-        image::{Image, png::write_png},
+        image::{Picture, png::write_png},
     };
-    let image = Image { extent: SIZE, format: Format::Rgba8Srgb, bytes: rgba.to_vec() };
+    let image = Picture { extent: SIZE, format: Format::Rgba8Srgb, bytes: rgba.to_vec() };
     write_png(&image, &[], fs::File::create(path).unwrap()).unwrap();
 }
 

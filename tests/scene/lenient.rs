@@ -26,7 +26,7 @@ fn drawn(text: &str) -> Scene {
 fn textured(sampler: &str) -> String {
     let mut png = Vec::new();
     let extent = tilewright::image::Extent::new(1, 1);
-    let image = tilewright::image::Image::zeroed(extent, Format::Rgba8Unorm);
+    let image = tilewright::image::Picture::zeroed(extent, Format::Rgba8Unorm);
     tilewright::image::png::write_png(&image, &[], &mut png).unwrap();
     let more = format!(
         r#""images":[{{"uri":"{}"}}],"samplers":[{sampler}],"textures":[{{"source":0,"sampler":0}}],
@@ -50,7 +50,7 @@ fn unknown_filters_are_the_default_ones() {
         let scene = drawn(&textured(&format!(
             r#"{{"magFilter":{odd},"minFilter":9728,"wrapS":{odd},"wrapT":10497}}"#
         )));
-        let expected = Sampler { min: Filter::Nearest, mip: None, ..Sampler::default() };
+        let expected = Sampler::default().min(Filter::Nearest).mip(None);
         assert_eq!(sampler(&pass(&scene)), expected, "{odd}");
         assert_eq!(scene.warnings().len(), 2, "{:?}", scene.warnings());
     }

@@ -7,7 +7,6 @@ use glam::DVec3;
 use tilewright::{
     compute::Renderer,
     image::{Extent, srgb_to_linear},
-    pass::Executor,
     scene::{LoadOptions, PassOptions, Scene},
 };
 

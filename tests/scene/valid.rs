@@ -33,6 +33,7 @@ fn indices(draw: &Draw) -> Option<Vec<u32>> {
         IndexFormat::U32 => {
             bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
         }
+        other => panic!("{other:?}"),
     };
     Some(all[draw.first as usize..(draw.first + draw.count) as usize].to_vec())
 }

@@ -74,7 +74,7 @@ fn levels(gpu: &Gpu) -> (Image, Sampler) {
     let mut recorder = Recorder::new(gpu, "levels").unwrap();
     recorder.upload_image(&image, &(0..5).map(level).collect::<Vec<_>>()).unwrap();
     recorder.submit().unwrap();
-    let sampler = texture::Sampler { mip: Some(texture::Filter::Nearest), ..Default::default() };
+    let sampler = texture::Sampler::default().mip(Some(texture::Filter::Nearest));
     (image, Sampler::new(gpu, &sampler).unwrap())
 }
 

@@ -10,8 +10,8 @@ use tilewright::{
     grid::Capacities,
     image::Extent,
     pass::{
-        Buffer, BufferRange, Draw, IndexFormat, Indices, Pass, Pipeline, StepRate, VertexAttribute,
-        VertexBinding,
+        BufferRange, BufferSource, Draw, IndexFormat, Indices, Pass, Pipeline, StepRate,
+        VertexAttribute, VertexBinding,
     },
     reference,
     state::{Compare, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
@@ -23,19 +23,19 @@ use tilewright::{
 fn pass() -> Pass {
     let (vertex, fragment) = shaders();
     let pipeline = |topology| {
-        Arc::new(Pipeline {
-            vertex_bindings: vec![VertexBinding { stride: 16, rate: StepRate::Vertex }],
-            vertex_attributes: vec![VertexAttribute {
-                location: 0,
-                binding: 0,
-                format: VertexFormat::F32X4,
-                offset: 0,
-            }],
-            topology,
-            ..Pipeline::new("planned", vertex.clone(), fragment.clone())
-        })
+        Arc::new(
+            Pipeline::new("planned", vertex.clone(), fragment.clone())
+                .vertex_bindings([VertexBinding { stride: 16, rate: StepRate::Vertex }])
+                .vertex_attributes([VertexAttribute {
+                    location: 0,
+                    binding: 0,
+                    format: VertexFormat::F32X4,
+                    offset: 0,
+                }])
+                .topology(topology),
+        )
     };
-    let buffer = |label: &str, bytes| Arc::new(Buffer::new(label, bytes));
+    let buffer = |label: &str, bytes| Arc::new(BufferSource::new(label, bytes));
     // Vertices of a zigzag, each in a place of its own. Two more than are bound follow.
     let zigzag = |z: f32| {
         let corner = |i: u8| {
@@ -46,11 +46,7 @@ fn pass() -> Pass {
         let buffer = buffer("vertices", bytemuck::cast_slice(&corners).to_vec());
         BufferRange { buffer, offset: 0, bytes: 16 * 10 }
     };
-    let draw = |pipeline, count, z| Draw {
-        vertex_buffers: vec![zigzag(z)],
-        first: 1,
-        ..Draw::new(pipeline, count)
-    };
+    let draw = |pipeline, count, z| Draw::new(pipeline, count).vertex_buffers([zigzag(z)]).first(1);
     let mut middle = draw(1, 6, 0.4);
     let indices: [u32; 10] = [1, 2, 0, 3, 4, 1, 5, 2, 6, 7];
     let indices = buffer("indices", bytemuck::cast_slice(&indices).to_vec());
@@ -71,12 +67,10 @@ fn pass() -> Pass {
     });
     middle.scissor = Some(Rect { x: 20, y: 15, width: 25, height: 30 });
     let topologies = [Topology::TriangleList, Topology::TriangleStrip, Topology::TriangleFan];
-    Pass {
-        depth: Some(DepthTarget::cleared(1.0)),
-        pipelines: topologies.map(pipeline).to_vec(),
-        draws: vec![draw(0, 9, 0.45), middle, draw(2, 8, 0.5)],
-        ..Pass::new("planned", Extent::new(100, 70))
-    }
+    Pass::new("planned", Extent::new(100, 70))
+        .depth(DepthTarget::cleared(1.0))
+        .pipelines(topologies.map(pipeline).to_vec())
+        .draws([draw(0, 9, 0.45), middle, draw(2, 8, 0.5)])
 }
 
 /// The name of a field, and what misreading it makes of the pass.

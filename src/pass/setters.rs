@@ -1,0 +1,130 @@
+//! Passes, pipelines and draws step by step: each method sets one field.
+
+use super::{
+    Binding, BindingEntry, BindingSet, BufferRange, Draw, Indices, Indirect, Pass, Pipeline,
+    VertexAttribute, VertexBinding,
+};
+use crate::{
+    image::Extent,
+    shader::Shader,
+    state::{Blend, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
+    target::{ColorTarget, DepthTarget},
+    texture::{Sampler, Texture},
+    vk,
+};
+use bytemuck::Pod;
+use std::{ops::RangeInclusive, sync::Arc};
+
+impl Pass {
+    setters! {
+        extent: Extent,
+        ;
+        into
+        colors: Vec<ColorTarget>,
+        depth: Option<DepthTarget>,
+        draws: Vec<Draw>,
+    }
+
+    /// The same with these [`pipelines`](#structfield.pipelines).
+    #[must_use]
+    pub fn pipelines<P: Into<Arc<Pipeline>>>(
+        mut self,
+        pipelines: impl IntoIterator<Item = P>,
+    ) -> Self {
+        self.pipelines = pipelines.into_iter().map(Into::into).collect();
+        self
+    }
+}
+
+impl Pipeline {
+    setters! {
+        topology: Topology,
+        cull: Cull,
+        front_face: FrontFace,
+        depth: DepthState,
+        ;
+        into
+        vertex: Arc<Shader>,
+        fragment: Arc<Shader>,
+        specialization: Vec<(u32, u32)>,
+        vertex_bindings: Vec<VertexBinding>,
+        vertex_attributes: Vec<VertexAttribute>,
+        blend: Option<Blend>,
+    }
+}
+
+impl Draw {
+    setters! {
+        pipeline: usize,
+        count: u32,
+        first: u32,
+        base_vertex: i32,
+        instances: u32,
+        first_instance: u32,
+        ;
+        into
+        push_constants: Vec<u8>,
+        vertex_buffers: Vec<BufferRange>,
+        indices: Option<Indices>,
+        indirect: Option<Indirect>,
+        viewport: Option<Viewport>,
+        scissor: Option<Rect>,
+    }
+
+    /// The same with these [`sets`](#structfield.sets).
+    #[must_use]
+    pub fn sets<S: Into<Arc<BindingSet>>>(mut self, sets: impl IntoIterator<Item = S>) -> Self {
+        self.sets = sets.into_iter().map(Into::into).collect();
+        self
+    }
+
+    /// The same with the bytes of `block` as its [`push_constants`](#structfield.push_constants).
+    #[must_use]
+    pub fn push<T: Pod>(self, block: &T) -> Self {
+        self.push_constants(bytemuck::bytes_of(block))
+    }
+}
+
+impl Indices {
+    setters! {
+        ;
+        into
+        vertices: Option<RangeInclusive<u32>>,
+    }
+}
+
+impl Indirect {
+    setters! {
+        stride: u32,
+        draws: u32,
+        primitives: u32,
+        ;
+        into
+        count: Option<BufferRange>,
+    }
+}
+
+impl Binding {
+    /// A `sampler2D` or one of its relatives.
+    pub fn sampled(texture: impl Into<Arc<Texture>>, sampler: Sampler) -> Self {
+        Self::Sampled(texture.into(), sampler)
+    }
+
+    /// A `texture2D` or one of its relatives.
+    pub fn texture(texture: impl Into<Arc<Texture>>) -> Self {
+        Self::Texture(texture.into())
+    }
+
+    /// An `image2D` or one of its relatives, in an image made for [`vk::ImageUse::Storage`].
+    pub fn storage_image(image: &vk::Image) -> Self {
+        Self::StorageImage(Arc::new(Texture::on_device(image)))
+    }
+}
+
+impl BindingSet {
+    /// A set of single resources, each with its `layout(binding = …)`.
+    pub fn new(resources: impl IntoIterator<Item = (u32, Binding)>) -> Self {
+        let entry = |(binding, resource)| BindingEntry { binding, resources: vec![resource] };
+        Self { entries: resources.into_iter().map(entry).collect() }
+    }
+}
