@@ -4,6 +4,9 @@ use crate::common::{gpu, on_each_gpu};
 use tilewright::{image::Extent, vk::Gpu};
 
 #[allow(dead_code)]
+#[path = "../examples/culling.rs"]
+mod culling;
+#[allow(dead_code)]
 #[path = "../examples/gbuffer.rs"]
 mod gbuffer;
 #[allow(dead_code)]
@@ -49,6 +52,22 @@ fn boxes_throw_shadows() {
     let (lit, shadowed) = floor(&gpu());
     assert!(lit > 10_000, "{lit} pixels of the floor are lit");
     assert!((1500..6000).contains(&shadowed), "{shadowed} pixels of the floor are in shadow");
+}
+
+/// The picture is that of the whole field, which has many stones out of sight.
+#[test]
+fn culled_stones_are_out_of_sight() {
+    on_each_gpu("culled stones are out of sight", |gpu| {
+        let [some, all] =
+            [true, false].map(|culls| culling::draw(gpu, Extent::new(160, 100), culls).unwrap());
+        assert_eq!(all.1, 10_000);
+        assert!((500..3000).contains(&some.1), "{} stones are drawn", some.1);
+        assert!(some.0 == all.0, "the pictures are equal");
+        // Stones are grey, the ground is green, the sky is blue.
+        let grey = |t: &&[u8]| t[1].abs_diff(t[0]) < 20 && t[1] > t[2] && t[1] - t[2] < 30;
+        let shown = some.0.bytes.chunks(4).filter(grey).count();
+        assert!((600..8000).contains(&shown), "stones cover {shown} pixels");
+    });
 }
 
 /// The depths of two passes are equal, so that no pixel of a surface is lost between them.

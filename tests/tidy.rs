@@ -152,7 +152,12 @@ fn only_vk_and_classic_know_vulkan_and_hold_unsafe_code() {
         // A kernel that no validator of a distribution may know.
         let spliced = file.path == "tests/splice.rs";
         // Programs that use Vulkan by themselves.
-        let programs = ["tests/adopt.rs", "tests/common/vulkan.rs", "examples/ash.rs"];
+        let programs = [
+            "tests/adopt.rs",
+            "tests/common/vulkan.rs",
+            "examples/ash.rs",
+            "examples/window/src/screen.rs",
+        ];
         let caller = programs.contains(&file.path.as_str());
         let ours = file.is_in("src/vk/") || file.is_in("src/classic/");
         let home = ours || counter || spliced || caller;
