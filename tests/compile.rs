@@ -85,6 +85,32 @@ fn a_pass_finds_its_pipeline_compiled() {
     });
 }
 
+/// All pipelines of a pass at once, two of which share a shader; a fault of any of them is told.
+#[test]
+fn a_pass_is_compiled_as_a_whole() {
+    on_each_gpu("a pass is compiled as a whole", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        for background in [false, true] {
+            let first = 10 + 2 * u32::from(background);
+            let mut pass = pass(pipeline(&fragment(first, false)), Some(Format::Rgba8Srgb), true);
+            pass.pipelines.push(Arc::new(pipeline(&fragment(first + 1, true))));
+            pass.draws.push(Draw::new(1, 3));
+            let before = renderer.cached().pipelines_made;
+            let compiled = match background {
+                true => renderer.compile_pass_in_background(&pass).unwrap().wait().unwrap(),
+                false => renderer.compile_pass(&pass).unwrap(),
+            };
+            renderer.render(&pass).unwrap();
+            // Kernels of two fragment shaders, and of the vertex shader at first.
+            let made = renderer.cached().pipelines_made - before;
+            assert_eq!(made, if background { 2 } else { 3 });
+            drop(compiled);
+            pass.pipelines.push(Arc::new(pipeline(REFUSED)));
+            assert!(matches!(renderer.compile_pass(&pass), Err(Error::Shader { .. })));
+        }
+    });
+}
+
 /// Pipelines that are equal have their kernels made once, by whichever thread begins first, and any of them holds them.
 #[test]
 fn equal_pipelines_are_compiled_once_in_the_background() {

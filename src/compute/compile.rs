@@ -7,7 +7,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     format::Format,
-    pass::{Pipeline, check_color_targets},
+    pass::{Pass, Pipeline, check_color_targets},
     plan::PipelineKernels,
     vk::{Gpu, Kernel, generate_code},
 };
@@ -87,6 +87,38 @@ impl Renderer {
     ) -> Result<Compilation> {
         Ok(Compilation(self.kernels.start(wanted(pipeline, colors, depth)?)))
     }
+
+    /// As [`Renderer::compile`], all pipelines of `pass` for its targets.
+    ///
+    /// # Errors
+    /// As [`Renderer::compile`].
+    pub fn compile_pass(&mut self, pass: &Pass) -> Result<Compiled> {
+        let kernels = self.kernels.get(wanted_by(pass)?)?;
+        Ok(Compiled { _kernels: kernels.into() })
+    }
+
+    /// As [`Renderer::compile_in_background`], all pipelines of `pass` for its targets.
+    ///
+    /// # Errors
+    /// As [`Renderer::compile_in_background`].
+    pub fn compile_pass_in_background(&mut self, pass: &Pass) -> Result<Compilation> {
+        Ok(Compilation(self.kernels.start(wanted_by(pass)?)))
+    }
+}
+
+/// The kernels that `pass` needs, each once.
+fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
+    let colors: Vec<_> = pass.colors.iter().map(|color| color.format).collect();
+    let depth = pass.depth.as_ref().map(|_| Format::D32Float);
+    let mut all = Vec::new();
+    for pipeline in &pass.pipelines {
+        for one in wanted(pipeline, &colors, depth)? {
+            if !all.contains(&one) {
+                all.push(one);
+            }
+        }
+    }
+    Ok(all)
 }
 
 /// The kernels that passes with targets of these formats need for `pipeline`.
