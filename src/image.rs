@@ -50,7 +50,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// An image of zeros.
+    /// A picture of zeros.
     pub fn zeroed(extent: Extent, format: Format) -> Self {
         Self { extent, format, bytes: vec![0; extent.pixels() * format.texel_bytes()] }
     }

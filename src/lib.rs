@@ -16,7 +16,8 @@
 //!
 //! # The names that a program needs
 //!
-//! They are all at the root of the crate. The modules have the rest.
+//! They are at the root of the crate. The modules have the rest: [`state`] what a pipeline can be set to, [`pass`] draw
+//! commands in buffers and arrays of resources, [`mod@image`] PNG files, [`vk`] what a caller with a device of its own needs.
 //!
 //! | names | what they are |
 //! |---|---|
@@ -35,7 +36,7 @@
 //!
 //! Structs that will grow are made by a constructor and have a method of the same name for each field that may be set.
 //!
-//! The library reads no environment variable and keeps no file unless it is told to: see [`GpuOptions::from_env`],
+//! The library reads no environment variable of its own and keeps no file unless it is told to: see [`GpuOptions::from_env`],
 //! [`GpuOptions::cache`] and [`shader::keep_compiled`].
 //!
 //! # Code map

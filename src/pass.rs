@@ -214,8 +214,11 @@ pub struct Indices {
     pub range: BufferRange,
     /// Their width.
     pub format: IndexFormat,
-    /// The smallest and the largest index among those that a draw reads, if the caller knows them. `None` leaves
-    /// it to the executor. If it is wrong, wrong vertices are drawn and nothing else happens.
+    /// The smallest and the largest index among those that a draw reads, if the caller knows them. If it is wrong, wrong
+    /// vertices are drawn and nothing else happens.
+    ///
+    /// With `None`, `compute` reads the indices of a buffer of the host. It cannot read those of a buffer of a device: then
+    /// the vertex shader runs three times for each triangle. It does so for [`Draw::indirect`] in any case.
     pub vertices: Option<RangeInclusive<u32>>,
 }
 
@@ -248,7 +251,8 @@ pub struct Indirect {
 }
 
 impl Indirect {
-    /// All commands of `commands`, which have up to `primitives` primitives.
+    /// All commands of `commands`. `primitives` is the most primitives that all instances of all commands have together:
+    /// `compute` leaves out what is beyond, see [`Indirect::primitives`].
     pub fn new(commands: &vk::Buffer<IndirectCommand>, primitives: u32) -> Self {
         Self::of(commands, primitives)
     }
@@ -258,8 +262,7 @@ impl Indirect {
         Self::of(commands, primitives)
     }
 
-    /// The commands from the beginning of `commands` on, each at its `stride` in bytes: one that is set, more by
-    /// [`Indirect::draws()`].
+    /// One command at the beginning of `commands`. [`Indirect::draws()`] makes it more, `stride` bytes from one to the next.
     pub fn in_range(commands: BufferRange, stride: u32, primitives: u32) -> Self {
         Self { commands, stride, draws: 1, count: None, primitives }
     }
@@ -417,6 +420,11 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// These pictures.
+    pub fn new(colors: Vec<crate::image::Picture>, depth: Option<crate::image::Picture>) -> Self {
+        Self { colors, depth }
+    }
+
     /// The first colour target, if there is one.
     pub fn into_color(self) -> Option<crate::image::Picture> {
         self.colors.into_iter().next()

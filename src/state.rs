@@ -196,6 +196,13 @@ pub struct BlendEquation {
     pub op: BlendOp,
 }
 
+impl BlendEquation {
+    /// The equation with these weights and this combination.
+    pub const fn new(src: BlendFactor, dst: BlendFactor, op: BlendOp) -> Self {
+        Self { src, dst, op }
+    }
+}
+
 /// Blending of a colour target, in API order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Blend {
@@ -219,6 +226,14 @@ impl Blend {
             op: BlendOp::Add,
         },
     };
+    /// `src + dst`, colour and alpha.
+    pub const ADD: Self =
+        Self::all(BlendEquation::new(BlendFactor::One, BlendFactor::One, BlendOp::Add));
+
+    /// The same equation for colour and alpha.
+    pub const fn all(equation: BlendEquation) -> Self {
+        Self { color: equation, alpha: equation }
+    }
 }
 
 /// The viewport transform, in pixels, as `VkViewport`. A negative height flips y.

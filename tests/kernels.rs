@@ -463,6 +463,11 @@ fn blocks_of_a_kernel_belong_to_set_0() {
                 "set 0",
             ),
             (
+                "layout(set = 0, binding = 1) buffer Mine { uint mine[]; } many[4];",
+                "many[2].mine[0]",
+                "binding 4 of the resource table",
+            ),
+            (
                 "layout(set = 0, binding = 1) uniform sampler2D s;",
                 "uint(texture(s, vec2(0)).x)",
                 "resource table",

@@ -1,6 +1,6 @@
 //! The resource table: do kernels find in a slot what was put there?
 
-use crate::common::{kernel_spirv, on_each_gpu};
+use crate::common::{gpu, kernel_spirv, on_each_gpu};
 use tilewright::{
     format::Format,
     image::Extent,
@@ -118,4 +118,15 @@ void main() {
             assert_eq!(read.read().unwrap(), [[5.0; 4]; 16], "{beyond}");
         }
     });
+}
+
+/// With variable pointers, a kernel could step from one descriptor to the next.
+#[test]
+fn kernels_that_compute_with_pointers_are_refused() {
+    let mut spirv = kernel_spirv(TABLE);
+    const VARIABLE_POINTERS_STORAGE_BUFFER: u32 = 4441;
+    // An instruction of two words behind the header.
+    spirv.splice(5..5, [2 << 16 | 17, VARIABLE_POINTERS_STORAGE_BUFFER]);
+    let error = Kernel::new(&gpu(), &KernelInfo::new("pointers", &spirv)).unwrap_err();
+    assert!(error.to_string().contains("VariablePointers"), "{error}");
 }

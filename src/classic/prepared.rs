@@ -105,6 +105,7 @@ fn recorded(
     let mut recorder = Recorder::new(gpu, &pass.label)?;
     record_draws(gpu, resources, &mut recorder, pass, compiled, targets)?;
     resources.flush()?;
+    resources.settle()?;
     recorder.finish()
 }
 

@@ -62,8 +62,9 @@ impl Slot {
 ///
 /// [`Renderer::begin`] waits for an earlier frame if too many are in flight. What a pass needs for the first time takes
 /// longer: kernels and resource tables are made, and textures of the host, and its buffers where the device has memory of
-/// its own, are uploaded by a submission of their own. Nobody waits for its end, unless more than 64 MiB are uploaded at
-/// once. Nothing else waits or is submitted. What a frame used stays until its memory is used by another frame.
+/// its own, are uploaded by a submission of their own. Nobody waits for its end, unless more than 64 MiB are on their way.
+/// Nothing else waits or is submitted. (A submission waits while another thread is in [`Buffer::read`] or
+/// [`Buffer::write`].) What a frame used stays until its memory is used by another frame.
 pub struct Encoder<'r> {
     renderer: &'r mut Renderer,
     /// `None` once it was given back.

@@ -16,7 +16,7 @@
 //! [`Renderer::begin`] begins a frame: an [`Encoder`] records passes that draw to images of the device, in one submission
 //! that nobody waits for. [`Renderer::prepare`] records a pass once, one submission for each band;
 //! [`Prepared::execute`] runs it and waits, and [`Prepared::read`] returns the pictures. In neither, the CPU decides
-//! anything while the device is at work. [`Renderer::trace`] stops after every batch and copies all intermediates to the
+//! anything while the device is at work. `Renderer::trace` stops after every batch and copies all intermediates to the
 //! host.
 
 mod attach;
@@ -111,6 +111,7 @@ impl Renderer {
         &self.gpu
     }
 
+    #[doc(hidden)]
     /// Limits the contents of one batch. The picture does not depend on it. A value below
     /// [`Capacities::LEAST`] or above [`Capacities::MOST`] is replaced by that one.
     pub fn set_batch_limit(&mut self, limit: Capacities) {
@@ -156,6 +157,7 @@ impl Renderer {
     fn prepare_with(&mut self, pass: &Pass, tables: &mut Tables) -> Result<Prepared> {
         let (mut arena, mut scratch) = (Arena::new(&self.gpu), Scratch::default());
         let (plan, copies) = self.plan(pass, &mut arena, tables)?;
+        self.resources.settle()?;
         let Self { gpu, kernels, timed, plan_kernels, .. } = self;
         let mut workspace =
             Workspace { scratch: &mut scratch, arena: &mut arena, kernels: plan_kernels };
@@ -247,6 +249,7 @@ impl Renderer {
         }
     }
 
+    #[doc(hidden)]
     /// Draws `pass` batch by batch and returns every intermediate. Draw commands in buffers are drawn as they are at this
     /// moment, and a trace numbers them as draws of their own.
     ///

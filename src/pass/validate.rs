@@ -196,7 +196,12 @@ fn check_resource(
     let place = format!("set {} binding {}", resource.set, resource.binding);
     let entry = set.and_then(|s| s.entries.iter().find(|e| e.binding == resource.binding));
     let Some(entry) = entry else {
-        return Err(format!("{place} ({}) is not bound", resource.kind));
+        let bound: Vec<_> = set.iter().flat_map(|set| &set.entries).map(|e| e.binding).collect();
+        let bound = match set {
+            None => "the draw has no such set".to_string(),
+            Some(_) => format!("bound in the set: {bound:?}"),
+        };
+        return Err(format!("{place} ({}) is not bound; {bound}", resource.kind));
     };
     let wanted = resource.count.max(1) as usize;
     if entry.resources.len() < wanted {

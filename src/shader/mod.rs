@@ -72,8 +72,9 @@ impl fmt::Display for Stage {
 
 /// A vertex or fragment shader: valid SPIR-V with entry point `main`, and what reflection found in it.
 ///
-/// It cannot be changed, because drivers rely on valid modules. It uses only what a pass can provide:
-/// textures with float texels, samplers, storage images, blocks, triangles. Two shaders
+/// It cannot be changed, because drivers rely on valid modules. It binds only what a pass can provide:
+/// textures with float texels, samplers, storage images, blocks, triangles. Whether all of its code is within reach is found
+/// out when a pipeline is compiled ([`crate::Renderer::compile`]) or drawn with. Two shaders
 /// are equal if they are the same stage of the same module, whatever their labels are.
 #[derive(Clone, Debug)]
 pub struct Shader {

@@ -117,8 +117,10 @@ impl CallerCommands {
     ///   render pass, and nobody else records until [`crate::compute::Renderer::record`] has returned.
     /// * If that returns an error, the command buffer is broken: nothing more is recorded, and it is not submitted.
     /// * The command buffer is submitted to the queue of `gpu`, or to another one where semaphores order it with all that
-    ///   was started through `gpu` and its clones: by renderers, recordings, uploads and downloads. It is not submitted any more, and has ended, when [`crate::compute::Recorded`] is
-    ///   dropped.
+    ///   was started through `gpu` and its clones: by renderers, recordings, uploads and downloads. Recording may start
+    ///   uploads as well. An empty frame that is submitted afterwards (`renderer.begin()?.submit()?.vulkan()`) has the
+    ///   semaphore and the value that come after all of that. The command buffer is not submitted any more, and has ended,
+    ///   when [`crate::compute::Recorded`] is dropped.
     /// * While it runs, nobody calls [`Buffer::write`], [`Buffer::read`] or [`Buffer::append_to`] on what it uses:
     ///   these functions wait for what this library submitted alone.
     pub unsafe fn new(gpu: &Gpu, commands: vk::CommandBuffer) -> Self {

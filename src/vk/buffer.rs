@@ -17,7 +17,7 @@ use std::{marker::PhantomData, ops::Range, sync::Arc};
 pub enum Memory {
     /// The device; the host reaches it by copies.
     Device,
-    /// Written by the host, read by the device.
+    /// Written by the host, read by the device: memory that both reach.
     Mapped,
     /// Written by the device, read by the host.
     Readback,

@@ -18,8 +18,8 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ImageUse {
-    /// Uploaded once, then sampled by kernels of yours through a [`super::ResourceTable`]. Passes sample textures of the
-    /// host ([`crate::texture::Texture::new`]) and images for [`ImageUse::Attachment`].
+    /// Uploaded once, then sampled by kernels of yours alone, through a [`super::ResourceTable`]. What passes sample is a
+    /// texture of the host ([`crate::texture::Texture::new`]) or an image for [`ImageUse::Attachment`].
     Sampled,
     /// Read and written as a storage image by shaders of passes ([`crate::pass::Binding::StorageImage`]) and by kernels of
     /// yours (a [`super::ResourceTable`]), and everything that [`ImageUse::Attachment`] is for. Devices draw to such images
@@ -57,6 +57,12 @@ impl<'a> ImageInfo<'a> {
     setters! {
         shape: Shape,
         levels: u32,
+    }
+
+    /// The same with all mip levels down to one texel. [`crate::Encoder::make_levels`] makes those below level 0.
+    #[must_use]
+    pub const fn all_levels(self) -> Self {
+        self.levels(self.shape.most_levels(self.extent))
     }
 }
 

@@ -113,6 +113,13 @@ impl Kernel {
                 info.name
             )));
         }
+        let variable = [Capability::VariablePointers, Capability::VariablePointersStorageBuffer];
+        if variable.iter().any(|&capability| declares(info.spirv, capability)) {
+            return Err(Error::Usage(format!(
+                "kernel `{}` computes with pointers (the capability VariablePointers), which are not checked against bounds",
+                info.name
+            )));
+        }
         Self::make(gpu, info, false)
     }
 

@@ -57,7 +57,7 @@ impl GpuOptions {
     /// dispatch, on a busy machine in tens of seconds.
     pub const TIMEOUT: Duration = Duration::from_secs(120);
 
-    /// The options that the environment asks for, as the tool reads it: the device of the variable `TILEWRIGHT_DEVICE`, the
+    /// The options that the environment asks for: the device of the variable `TILEWRIGHT_DEVICE`, the
     /// validation layer if `TILEWRIGHT_VALIDATION` is `1`, and compiled pipelines in [`crate::cache_folder`].
     pub fn from_env() -> Self {
         let variable = |name| std::env::var(name).ok().filter(|value| !value.is_empty());

@@ -96,15 +96,33 @@ pub(super) fn reflect(
             found.push_constant_bytes = m.size(pointee)?;
             continue;
         }
-        let Some(set) = m.decoration(id, Decoration::DescriptorSet) else { continue };
+        let name = || {
+            let names = [id, pointee].into_iter().filter_map(|id| m.names.get(&id).copied());
+            names.into_iter().find(|name| !name.is_empty()).unwrap_or("")
+        };
+        let resource =
+            [StorageClass::UniformConstant, StorageClass::Uniform, StorageClass::StorageBuffer];
+        let Some(set) = m.decoration(id, Decoration::DescriptorSet) else {
+            if resource.contains(&class) {
+                return Err(format!("declares `{}` without a descriptor set of its own", name()));
+            }
+            continue;
+        };
         let binding = m.decoration(id, Decoration::Binding).unwrap_or(0);
         match set {
             1 if m.fits_table(class, pointee, binding) => found.uses_table = true,
             1 => {
-                let name = [id, pointee].iter().find_map(|id| m.names.get(id)).unwrap_or(&"");
+                let name = name();
                 return Err(format!(
                     "declares `{name}` as binding {binding} of set 1, which is the resource table and has other \
                      kinds there: blocks of its own belong to set 0"
+                ));
+            }
+            0 if m.is_array(pointee) => {
+                return Err(format!(
+                    "binds `{}`, an array of blocks, in set 0; arrays of blocks are in binding 4 of the resource table, \
+                     which is set 1",
+                    name()
                 ));
             }
             0 => {
@@ -115,10 +133,10 @@ pub(super) fn reflect(
                     }
                     StorageClass::Uniform => BindingKind::Uniform,
                     _ => {
-                        let name = m.names.get(&id).unwrap_or(&"");
                         return Err(format!(
-                            "binds `{name}`, an image or a sampler, in set 0, which is for blocks; those come from a \
-                             resource table"
+                            "binds `{}`, an image or a sampler, in set 0, which is for blocks; those come from a \
+                             resource table, which is set 1 (see `ResourceTable`)",
+                            name()
                         ));
                     }
                 };
@@ -210,12 +228,17 @@ impl<'a> Module<'a> {
         self.decorations.get(&id).is_some_and(|all| all.iter().any(|(d, _)| *d == wanted))
     }
 
-    /// Whether the resource table has this kind of variable at `binding`. An image with its sampler serves as either.
-    fn fits_table(&self, class: StorageClass, pointee: Word, binding: u32) -> bool {
+    fn is_array(&self, ty: Word) -> bool {
         let array =
             |t: &&dr::Instruction| matches!(t.class.opcode, Op::TypeArray | Op::TypeRuntimeArray);
+        self.types.get(&ty).is_some_and(array)
+    }
+
+    /// Whether the resource table has this kind of variable at `binding`. An image with its sampler serves as either.
+    fn fits_table(&self, class: StorageClass, pointee: Word, binding: u32) -> bool {
         let Some(whole) = self.types.get(&pointee).copied() else { return false };
-        let of_array = Some(whole).filter(array).and_then(|t| self.types.get(&word(t, 0)).copied());
+        let of_array = Some(whole).filter(|_| self.is_array(pointee));
+        let of_array = of_array.and_then(|t| self.types.get(&word(t, 0)).copied());
         let element = of_array.unwrap_or(whole);
         match (class, element.class.opcode) {
             (StorageClass::StorageBuffer, Op::TypeStruct) => binding == 4,
@@ -364,5 +387,21 @@ mod tests {
         let words = [0x0723_0203, 0x0001_0600, 0, 9, 0, mode, 1, 38, 2, 3, 4];
         let error = reflect(&words, &HashMap::new()).unwrap_err();
         assert!(error.contains("LocalSizeId") && error.contains("vulkan1.2"), "{error}");
+    }
+
+    /// A group of decorations is not looked into, so that the variable seems to have no set.
+    #[cfg(any(feature = "glsl", feature = "glsl-bundled"))]
+    #[test]
+    fn a_resource_without_a_set_of_its_own_is_refused() {
+        use rspirv::binary::Assemble as _;
+        let source = "#version 460
+            layout(local_size_x = 1) in;
+            layout(set = 0, binding = 0) buffer Words { uint words[]; };
+            void main() { words[0] = 1u; }";
+        let mut module = load(&crate::shader::testing::kernel(source)).unwrap();
+        let of_set = Operand::Decoration(Decoration::DescriptorSet);
+        module.annotations.retain(|i| i.operands.get(1) != Some(&of_set));
+        let error = reflect(&module.assemble(), &HashMap::new()).unwrap_err();
+        assert!(error.contains("without a descriptor set") && error.contains("Words"), "{error}");
     }
 }

@@ -28,7 +28,7 @@ use std::{
     sync::{Arc, Weak},
 };
 
-/// Copies run once this much waits for them: a scene's textures are not kept twice over.
+/// The host memory that copies may read at a time: a scene's textures are not kept twice over.
 const PENDING_BYTES: usize = 64 << 20;
 
 /// Uploaded buffers and textures.
@@ -42,8 +42,8 @@ pub struct Resources {
     /// Copies that [`Resources::flush`] has to run, and the bytes that wait in host memory for them.
     pending: Option<Recorder>,
     pending_bytes: usize,
-    /// Copies that were started. What runs later on the device finds them done.
-    started: Vec<Recording>,
+    /// Copies that were started, with the bytes of host memory that they read. What runs later on the device finds them done.
+    started: Vec<(Recording, usize)>,
 }
 
 /// What an executor keeps for the passes to come.
@@ -198,34 +198,41 @@ impl Resources {
     /// # Errors
     /// As [`Recording::start`].
     pub fn flush(&mut self) -> Result<()> {
-        self.pending_bytes = 0;
+        let bytes = std::mem::take(&mut self.pending_bytes);
         let Some(recorder) = self.pending.take() else { return Ok(()) };
         let started = recorder.finish().and_then(|mut copies| copies.start().map(|_| copies));
         match started {
-            Ok(copies) => self.started.push(copies),
+            Ok(copies) => self.started.push((copies, bytes)),
             Err(error) => {
-                // Nothing was copied.
+                // Nobody knows which copies arrive.
                 self.buffers.clear();
                 self.textures.clear();
                 self.padded.clear();
                 return Err(error);
             }
         }
+        self.started.retain(|(copies, _)| copies.is_running());
+        if self.started.iter().map(|(_, bytes)| bytes).sum::<usize>() > PENDING_BYTES {
+            self.settle()?;
+        }
         Ok(())
     }
 
+    /// Waits for the copies that were started, whose memory is free then.
+    ///
+    /// # Errors
+    /// As [`Recording::wait`].
+    pub fn settle(&mut self) -> Result<()> {
+        self.started.drain(..).try_for_each(|(mut copies, _)| copies.wait().map(drop))
+    }
+
     fn flush_above(&mut self, bytes: usize) -> Result<()> {
-        if self.pending_bytes <= bytes {
-            return Ok(());
-        }
-        self.flush()?;
-        // The memory that the host wrote is free again before more is taken.
-        self.started.drain(..).try_for_each(|mut copies| copies.wait().map(drop))
+        if self.pending_bytes > bytes { self.flush() } else { Ok(()) }
     }
 
     /// Forgets the uploads of resources that have no owner any more.
     pub fn trim(&mut self) {
-        self.started.retain(Recording::is_running);
+        self.started.retain(|(copies, _)| copies.is_running());
         self.buffers.retain(|_, (holder, _)| holder.strong_count() > 0);
         self.textures.retain(|_, (holder, _)| holder.strong_count() > 0);
         self.padded.retain(|_, (holder, _)| holder.strong_count() > 0);

@@ -69,8 +69,21 @@ pub(super) fn layout(gpu: &Shared) -> Result<vk::DescriptorSetLayout> {
         .map_err(|e| gpu.failure("creating the layout of the resource table", e))
 }
 
-/// The resource table of one executor. Kernels find a resource by the number of its slot. A number beyond the last slot
-/// stands for the last slot.
+/// Images, samplers and buffers that kernels of yours find by number: descriptor set 1. [`super::Dispatch::table`] binds it,
+/// and the number of a slot goes into the push constants or a buffer. A kernel declares what it uses of the set:
+///
+/// ```glsl
+/// #extension GL_EXT_nonuniform_qualifier : require
+/// layout(set = 1, binding = 0) uniform sampler2D sampled[];              // insert_sampled
+/// layout(set = 1, binding = 1) uniform texture2D textures[];             // insert_texture
+/// layout(set = 1, binding = 2) uniform sampler samplers[];               // insert_sampler
+/// layout(set = 1, binding = 3, rgba8) uniform image2D images[];          // insert_storage_image
+/// layout(set = 1, binding = 4) buffer Words { uint words[]; } buffers[]; // insert_buffer
+/// ```
+///
+/// A number beyond the last slot stands for the last slot, or for the last element of an array that is declared shorter.
+/// What a slot shows stays as long as a recording has the table bound, also if the table is dropped. To insert into a table
+/// that a recording has bound waits for what was started on the device.
 pub struct ResourceTable {
     raw: Arc<RawTable>,
     /// Slot by (binding, handles, offset, bytes): the same resource is stored once.

@@ -49,7 +49,14 @@ impl Bounds {
                 continue;
             };
             let slots = sizes.by_binding().get(binding as usize).copied().unwrap_or(1);
-            let declared = edit.number(edit.operand(array, 1)).unwrap_or(slots);
+            let length = edit.operand(array, 1);
+            if length != 0 && edit.number(length).is_none() {
+                return Err(format!(
+                    "declares an array in binding {binding} of the resource table whose length is no constant, or one that \
+                     is specialized"
+                ));
+            }
+            let declared = edit.number(length).unwrap_or(slots);
             if declared > slots {
                 return Err(format!(
                     "declares {declared} elements of binding {binding} of the resource table, which has {slots} on this device"
@@ -59,6 +66,22 @@ impl Bounds {
         }
         // A function may call another with what it was called with.
         while self.pass_on(&mut arrays) {}
+        // Whatever else made a pointer of one would reach the table past the limit.
+        let kept = |i: &Instruction, at: usize| match i.class.opcode {
+            Op::AccessChain | Op::InBoundsAccessChain => at == 0 && i.operands.len() > 1,
+            op => op == Op::FunctionCall,
+        };
+        for i in edit.instructions() {
+            let mut operands = i.operands.iter().enumerate();
+            let is_array =
+                |operand: &Operand| operand.id_ref_any().is_some_and(|id| arrays.contains_key(&id));
+            if operands.any(|(at, operand)| is_array(operand) && !kept(i, at)) {
+                return Err(format!(
+                    "uses an array of the resource table by {:?}: only its elements can be used",
+                    i.class.opcode
+                ));
+            }
+        }
         Ok(arrays)
     }
 
@@ -117,28 +140,33 @@ impl Bounds {
         self.edit.module.functions = functions;
     }
 
-    /// The least of `index`, an integer of any type, and `last`.
+    /// The least of `index`, an integer of any type that counts as unsigned, and `last`.
     fn inside(&mut self, index: Word, ty: Word, last: u32, code: &mut Vec<Instruction>) -> Word {
         let uint = self.edit.uint;
-        let mut emit = |edit: &mut Edit, op, operands| {
+        let mut emit = |edit: &mut Edit, op, ty, operands| {
             let id = edit.id();
-            code.push(Instruction::new(op, Some(uint), Some(id), operands));
+            code.push(Instruction::new(op, Some(ty), Some(id), operands));
             id
         };
-        let mut index = index;
-        if ty != uint {
-            let bits = self.edit.globals.get(&ty).and_then(|ty| ty.operands.first());
-            let same = bits == Some(&Operand::LiteralBit32(32));
-            let op = if same { Op::Bitcast } else { Op::UConvert };
-            index = emit(&mut self.edit, op, vec![Operand::IdRef(index)]);
+        let least = |index, last, std450| {
+            let min = Operand::LiteralExtInstInteger(GlslStd450Op::UMin as u32);
+            vec![Operand::IdRef(std450), min, Operand::IdRef(index), Operand::IdRef(last)]
+        };
+        let std450 = self.std450();
+        let bits = self.edit.globals.get(&ty).and_then(|ty| ty.operands.first().cloned());
+        if bits == Some(Operand::LiteralBit32(64)) {
+            let limit = vec![Operand::LiteralBit64(last.into())];
+            let limit = self.edit.global(Op::Constant, Some(ty), limit);
+            let index = emit(&mut self.edit, Op::ExtInst, ty, least(index, limit, std450));
+            return emit(&mut self.edit, Op::UConvert, uint, vec![Operand::IdRef(index)]);
         }
-        let operands = vec![
-            Operand::IdRef(self.std450()),
-            Operand::LiteralExtInstInteger(GlslStd450Op::UMin as u32),
-            Operand::IdRef(index),
-            Operand::IdRef(self.edit.constant(last)),
-        ];
-        emit(&mut self.edit, Op::ExtInst, operands)
+        let index = match bits == Some(Operand::LiteralBit32(32)) {
+            true if ty == uint => index,
+            true => emit(&mut self.edit, Op::Bitcast, uint, vec![Operand::IdRef(index)]),
+            false => emit(&mut self.edit, Op::UConvert, uint, vec![Operand::IdRef(index)]),
+        };
+        let last = self.edit.constant(last);
+        emit(&mut self.edit, Op::ExtInst, uint, least(index, last, std450))
     }
 
     fn std450(&mut self) -> Word {
@@ -164,6 +192,7 @@ mod tests {
         prebuilt,
         shader::testing::{complaint, kernel},
     };
+    use rspirv::spirv::Capability;
 
     const SIZES: TableSizes =
         TableSizes { sampled: 20, textures: 10, samplers: 8, storage_images: 4, buffers: 30 };
@@ -230,6 +259,86 @@ mod tests {
         assert!(error.contains("31 elements of binding 4") && error.contains("has 30"), "{error}");
         let sized = "layout(set = 1, binding = 3, rgba8) uniform image2D images[5];";
         assert!(kept(sized, "sink[i] = imageLoad(images[i], ivec2(0));").is_err());
+    }
+
+    /// What the compiler of GLSL does not write: `change` gets the instructions before the first chain of the table, and the
+    /// chain itself.
+    fn changed(
+        change: impl FnOnce(&mut Edit, &mut Vec<Instruction>, &mut Instruction),
+    ) -> Result<Vec<u32>, String> {
+        let words = kernel(
+            "#version 460
+             #extension GL_EXT_nonuniform_qualifier : require
+             layout(local_size_x = 64) in;
+             layout(set = 0, binding = 0) buffer Sink { vec4 sink[]; };
+             layout(set = 1, binding = 4) buffer Words { vec4 words[]; } buffers[];
+             void main() { uint i = gl_GlobalInvocationID.x; sink[0] = buffers[i].words[0]; }",
+        );
+        let mut edit = Edit::new(load(&words).unwrap());
+        let table = edit
+            .decorations(Decoration::DescriptorSet)
+            .into_iter()
+            .find(|(_, set)| *set == 1)
+            .unwrap()
+            .0;
+        let mut functions = std::mem::take(&mut edit.module.functions);
+        let block = functions.iter_mut().flat_map(|f| &mut f.blocks).next().unwrap();
+        let is_chain = |i: &Instruction| i.operands.first() == Some(&Operand::IdRef(table));
+        let at = block.instructions.iter().position(is_chain).unwrap();
+        let mut rest = block.instructions.split_off(at);
+        change(&mut edit, &mut block.instructions, &mut rest[0]);
+        block.instructions.append(&mut rest);
+        edit.module.functions = functions;
+        let words = edit.assemble();
+        assert_eq!(complaint(&words), None);
+        let kept = keep(&words, SIZES)?;
+        assert_eq!(complaint(&kept), None);
+        Ok(kept)
+    }
+
+    #[test]
+    fn a_pointer_to_the_table_goes_nowhere_else() {
+        for op in [Op::CopyObject, Op::AccessChain] {
+            let error = changed(|edit, before, chain| {
+                let (table, copy) = (chain.operands[0].clone(), edit.id());
+                let variable = edit
+                    .module
+                    .types_global_values
+                    .iter()
+                    .find(|i| i.result_id == table.id_ref_any());
+                let ty = variable.and_then(|i| i.result_type);
+                before.push(Instruction::new(op, ty, Some(copy), vec![table]));
+                chain.operands[0] = Operand::IdRef(copy);
+            });
+            let error = error.unwrap_err();
+            assert!(error.contains(&format!("{op:?}")), "{error}");
+        }
+    }
+
+    #[test]
+    fn indices_of_other_widths_are_kept_inside_before_they_are_converted() {
+        for (bits, capability) in [(64, Capability::Int64), (16, Capability::Int16)] {
+            let kept = changed(|edit, before, chain| {
+                let capability = vec![Operand::Capability(capability)];
+                edit.module.capabilities.push(Instruction::new(
+                    Op::Capability,
+                    None,
+                    None,
+                    capability,
+                ));
+                let operands = vec![Operand::LiteralBit32(bits), Operand::LiteralBit32(0)];
+                let (ty, index) = (edit.declared(Op::TypeInt, operands), edit.id());
+                let narrow = vec![chain.operands[1].clone()];
+                before.push(Instruction::new(Op::UConvert, Some(ty), Some(index), narrow));
+                chain.operands[1] = Operand::IdRef(index);
+            });
+            let edit = Edit::new(load(&kept.unwrap()).unwrap());
+            let min = edit.instructions().find(|i| i.class.opcode == Op::ExtInst).unwrap();
+            let limit = edit.globals[&min.operands[3].id_ref_any().unwrap()].operands[0].clone();
+            let wide =
+                if bits == 64 { Operand::LiteralBit64(29) } else { Operand::LiteralBit32(29) };
+            assert_eq!(limit, wide);
+        }
     }
 
     #[test]

@@ -114,6 +114,25 @@ pub struct Opened<'p> {
     made: Mutex<Vec<(vk::Buffer, vk::Image, vk::DeviceMemory)>>,
 }
 
+/// A queue that does not go on, see [`Opened::hold`].
+pub struct Held<'o> {
+    device: &'o ash::Device,
+    queue: vk::Queue,
+    semaphore: vk::Semaphore,
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        let info = vk::SemaphoreSignalInfo::default().semaphore(self.semaphore).value(1);
+        // SAFETY: the queue waits for the semaphore alone, and is idle when it is destroyed.
+        unsafe {
+            self.device.signal_semaphore(&info).unwrap();
+            self.device.queue_wait_idle(self.queue).unwrap();
+            self.device.destroy_semaphore(self.semaphore, None);
+        }
+    }
+}
+
 impl<'p> Opened<'p> {
     /// Opens the driver under test with what `info` asks for and what the library needs.
     pub fn new(program: &'p Program, info: vk::DeviceCreateInfo<'_>, options: &GpuOptions) -> Self {
@@ -272,8 +291,8 @@ impl<'p> Opened<'p> {
         }
     }
 
-    /// Keeps the queue from going on until the host lets it ([`Opened::let_go`]).
-    pub fn hold(&self) -> vk::Semaphore {
+    /// Keeps the queue from going on until what is returned is dropped.
+    pub fn hold(&self) -> Held<'_> {
         let mut timeline = vk::SemaphoreTypeCreateInfo::default()
             .semaphore_type(vk::SemaphoreType::TIMELINE)
             .initial_value(0);
@@ -289,18 +308,7 @@ impl<'p> Opened<'p> {
                 .wait_dst_stage_mask(&[vk::PipelineStageFlags::ALL_COMMANDS])
                 .push_next(&mut values);
             self.device.queue_submit(self.queue, &[submit], vk::Fence::null()).unwrap();
-            semaphore
-        }
-    }
-
-    /// Lets the queue go on.
-    pub fn let_go(&self, semaphore: vk::Semaphore) {
-        let info = vk::SemaphoreSignalInfo::default().semaphore(semaphore).value(1);
-        // SAFETY: the semaphore is one of [`Opened::hold`], and the queue is idle when it is destroyed.
-        unsafe {
-            self.device.signal_semaphore(&info).unwrap();
-            self.device.queue_wait_idle(self.queue).unwrap();
-            self.device.destroy_semaphore(semaphore, None);
+            Held { device: &self.device, queue: self.queue, semaphore }
         }
     }
 

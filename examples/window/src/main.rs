@@ -33,7 +33,7 @@ layout(location = 0) in vec3 color;
 layout(location = 0) out vec4 result;
 void main() { result = vec4(color, 1.0); }";
 
-/// What is drawn. The fields are dropped in this order: the device goes last.
+/// What is drawn. The fields are dropped in this order: all that was made from a device goes before the device.
 struct View {
     renderer: Renderer,
     pass: Pass,
@@ -116,7 +116,7 @@ impl ApplicationHandler for Program {
                 view.window.request_redraw();
                 self.end_if_failed(events, drawn);
                 self.shown += 1;
-                if self.shown == self.frames {
+                if self.shown >= self.frames {
                     events.exit();
                 }
             }

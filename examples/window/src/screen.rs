@@ -53,13 +53,14 @@ impl Screen {
             let surfaces = khr::surface::Instance::new(&entry, &instance);
             let surface = ash_window::create_surface(&entry, &instance, display, handle, None)?;
 
-            // The first device with a queue that draws, computes and shows.
+            // The first device that has what tilewright needs, with a queue that draws, computes and shows.
             let mut fits = Vec::new();
             for physical in instance.enumerate_physical_devices()? {
                 let families = instance.get_physical_device_queue_family_properties(physical);
                 for (family, properties) in (0..).zip(families) {
                     let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
                     if properties.queue_flags.contains(both)
+                        && Enable::on(&instance, physical).is_ok()
                         && surfaces
                             .get_physical_device_surface_support(physical, family, surface)?
                     {

@@ -189,7 +189,10 @@ fn check_attributes(pipeline: &Pipeline) -> Fault {
         let same = pipeline.vertex_attributes.iter().find(|a| a.location == input.location);
         let Some(attribute) = same else {
             let shader = &pipeline.vertex.label;
-            return Err(format!("`{shader}` reads vertex attribute {}: no such", input.location));
+            return Err(format!(
+                "`{shader}` reads vertex attribute {0}, and `vertex_attributes` has none with location {0}",
+                input.location
+            ));
         };
         let component = attribute.format.component;
         if scalar(component) != input.scalar {
