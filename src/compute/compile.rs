@@ -24,7 +24,8 @@ pub struct Compiled {
     _kernels: Arc<[Kernel]>,
 }
 
-/// A pipeline that a thread compiles, see [`Renderer::compile_in_background`].
+/// A pipeline that a thread compiles, see [`Renderer::compile_in_background`]. If it is dropped, the thread goes on, and the
+/// renderer takes over what the thread makes; the pass that needs the pipeline meets the error, if there is one.
 #[must_use = "it has the error, if the pipeline cannot be compiled"]
 pub struct Compilation(Pending);
 
@@ -53,7 +54,8 @@ impl Compilation {
 impl Renderer {
     /// Compiles `pipeline` for passes whose targets have these formats, so that the first of them finds it compiled. There is
     /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, the pipeline is
-    /// another one, as with targets of other formats.
+    /// another one, as with targets of other formats. Every depth target, also one that is transient, has the format
+    /// [`Format::D32Float`]. [`Renderer::compile_pass`] takes the formats from a pass.
     ///
     /// Drivers for CPUs generate code when a kernel is dispatched for the first time, which takes longest of all. So on them
     /// the kernels are dispatched over nothing, and waited for; but not on a device of the caller, whose queue somebody else

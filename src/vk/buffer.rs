@@ -218,8 +218,8 @@ impl<T: Pod> Buffer<T> {
         })
     }
 
-    /// The elements of `range`, in the same memory. Its first byte has to be aligned to
-    /// [`super::Limits::storage_offset_bytes`] where it is bound.
+    /// The elements of `range`, in the same memory. Where a kernel of yours binds the slice, its first byte is aligned to
+    /// [`super::Limits::storage_offset_bytes`], and where a pass binds it, to 256 bytes on all devices.
     ///
     /// # Errors
     /// [`Error::Usage`] if the range is outside.
