@@ -1,33 +1,42 @@
 //! The text that a file of `glsl/` is compiled from, and a checksum that tells when it changed. The build
-//! script and the tool that makes `glsl/spirv/` both include this file.
+//! script, the tool that makes `glsl/spirv/` and the library all include this file.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::{fs, path::Path};
 
 /// The file of `glsl/spirv/` with the checksum of each compiled file's text.
 pub const LIST: &str = "sources.txt";
 
-/// The text of the file `name` of the folder `glsl` with its includes in place, each file once.
-///
-/// # Errors
-/// A sentence that names the file which cannot be read.
-pub fn expand(glsl: &Path, name: &str) -> Result<String, String> {
-    add(glsl, name, &mut Vec::new())
+/// Reads files of the folder `glsl`, for [`expand`].
+pub fn reader(glsl: &Path) -> impl Fn(&str) -> Result<String, String> {
+    move |name| {
+        let path = glsl.join(name);
+        fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))
+    }
 }
 
-fn add(glsl: &Path, name: &str, seen: &mut Vec<PathBuf>) -> Result<String, String> {
-    let path = glsl.join(name);
-    let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+/// The text of the file `name` with its includes in place, each file once. `read` gives the text of a file.
+///
+/// # Errors
+/// The first one of `read`.
+pub fn expand(
+    read: &impl Fn(&str) -> Result<String, String>,
+    name: &str,
+) -> Result<String, String> {
+    add(read, name, &mut Vec::new())
+}
+
+fn add(
+    read: &impl Fn(&str) -> Result<String, String>,
+    name: &str,
+    seen: &mut Vec<String>,
+) -> Result<String, String> {
     let mut all = String::new();
-    for line in text.lines() {
+    for line in read(name)?.lines() {
         match line.trim().strip_prefix("#include \"").and_then(|l| l.strip_suffix('"')) {
             Some(name) => {
-                let file = glsl.join(name);
-                if !seen.contains(&file) {
-                    seen.push(file);
-                    all += &add(glsl, name, seen)?;
+                if !seen.iter().any(|file| file == name) {
+                    seen.push(name.into());
+                    all += &add(read, name, seen)?;
                 }
             }
             None => {

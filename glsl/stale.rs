@@ -17,7 +17,7 @@ pub fn check() -> Result<(), String> {
         .lines()
         .filter_map(|line| Some((line, line.split_once(' ')?.1)))
         .filter(|(line, name)| {
-            let text = source::expand(glsl, name);
+            let text = source::expand(&source::reader(glsl), name);
             !text.is_ok_and(|text| source::entry(name, &text).trim_end() == *line)
         })
         .map(|(_, name)| name)

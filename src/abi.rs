@@ -63,25 +63,28 @@ shared_constants! {
     pub const MAX_VARYINGS: u32 = 32;
     /// Pixels that one invocation of the clear fills: a workgroup costs more than a few stores.
     pub const CLEAR_PIXELS: u32 = 16;
+    /// What the `constant_id`s of kernels have on top of the numbers that follow, so that they differ from those of users'
+    /// shaders. It is added after compiling: some compilers take no `constant_id` above 2047.
+    pub const SPEC_FIRST: u32 = 65536;
     /// Specialization constant: the subgroup width, also the workgroup size of subgroup-wide kernels.
-    pub const SPEC_WIDTH: u32 = 65536;
+    pub const SPEC_WIDTH: u32 = 0;
     /// Specialization constant: invocations of a workgroup of several subgroups, which must be full.
-    pub const SPEC_LANES: u32 = 65541;
+    pub const SPEC_LANES: u32 = 5;
     /// Specialization constant: the depth comparison.
-    pub const SPEC_COMPARE: u32 = 65537;
+    pub const SPEC_COMPARE: u32 = 1;
     /// Specialization constant: whether raster keeps the pixels of a bin in the targets' own memory.
-    pub const SPEC_IN_PLACE: u32 = 65542;
+    pub const SPEC_IN_PLACE: u32 = 6;
     /// Specialization constant: the colour format.
-    pub const SPEC_FORMAT: u32 = 65538;
+    pub const SPEC_FORMAT: u32 = 2;
     /// Specialization constant: when the depth test happens, one of `DEPTH_*`.
-    pub const SPEC_DEPTH: u32 = 65540;
+    pub const SPEC_DEPTH: u32 = 4;
     /// Specialization constant: a bit for each varying location that the fragment shader reads. Outputs of the
     /// vertex shader at other locations are not stored.
-    pub const SPEC_READ: u32 = 65543;
+    pub const SPEC_READ: u32 = 7;
     /// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
     /// there is none: its `Component`, the number of components from bit
     /// [`ATTRIBUTE_COUNT_SHIFT`] on, and [`ATTRIBUTE_PER_INSTANCE`].
-    pub const SPEC_ATTRIBUTE: u32 = 65664;
+    pub const SPEC_ATTRIBUTE: u32 = 128;
     /// Attribute format: first bit of the number of components.
     pub const ATTRIBUTE_COUNT_SHIFT: u32 = 8;
     /// Attribute format: it is the same for all vertices of an instance.

@@ -39,7 +39,7 @@ impl std::fmt::Display for Extent {
 }
 
 /// A picture: rows from top to bottom, pixels from left to right, no padding.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Picture {
     /// Size in pixels.
     pub extent: Extent,
@@ -47,6 +47,14 @@ pub struct Picture {
     pub format: Format,
     /// `extent.pixels() * format.texel_bytes()` bytes.
     pub bytes: Vec<u8>,
+}
+
+/// Without the pixels, which would be millions of numbers.
+impl std::fmt::Debug for Picture {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { extent, format, bytes } = self;
+        write!(f, "Picture({extent}, {format:?}, {} bytes)", bytes.len())
+    }
 }
 
 impl Picture {

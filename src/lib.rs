@@ -27,7 +27,7 @@
 //! | [`Texture`], [`Sampler`], [`BufferRange`], [`Binding`], [`BindingSet`] | what shaders read and write |
 //! | [`Draw`], [`Indices`], [`IndexFormat`], [`Indirect`] | one draw, with counts that the host or the device knows |
 //! | [`Pass`], [`ColorTarget`], [`DepthTarget`], [`LoadOp`], [`StoreOp`] | draws into targets |
-//! | [`Renderer`], [`Frame`] | draws one pass and waits ([`Renderer::render`]) |
+//! | [`Renderer`], [`Frame`] | draws one pass and waits ([`Renderer::render`]), also with stages of yours ([`Renderer::with_glsl`]) |
 //! | [`Encoder`], [`Submission`], [`Recorded`] | frames of several passes that nobody waits for ([`Renderer::begin`]), also in a command buffer of the caller ([`Renderer::record`]) |
 //! | [`Compiled`], [`Compilation`] | pipelines that are compiled before they are drawn with ([`Renderer::compile`]) |
 //! | [`Kernel`] | a compute shader of yours, between passes |

@@ -6,6 +6,11 @@
 #[rustfmt::skip]
 #[path = "../glsl/spirv/layout.rs"]
 mod layout;
+#[rustfmt::skip]
+#[path = "../glsl/spirv/files.rs"]
+mod files;
+
+pub use files::FILES;
 
 /// The words of a file of `glsl/spirv/`.
 macro_rules! file {
@@ -28,41 +33,29 @@ const fn words<const N: usize>(bytes: &[u8]) -> [u32; N] {
     words
 }
 
-/// `clear.comp`.
-pub const CLEAR: &[u32] = file!("clear.comp");
-/// `commands.comp`.
-pub const COMMANDS: &[u32] = file!("commands.comp");
 /// `vertex.comp`.
 pub const VERTEX: &[u32] = file!("vertex.comp");
-/// `primitive.comp`.
-pub const PRIMITIVE: &[u32] = file!("primitive.comp");
-/// `binning_scan.comp`.
-pub const BINNING_SCAN: &[u32] = file!("binning_scan.comp");
-/// `binning_scatter.comp`.
-pub const BINNING_SCATTER: &[u32] = file!("binning_scatter.comp");
-/// `binning_sort.comp`.
-pub const BINNING_SORT: &[u32] = file!("binning_sort.comp");
-/// `raster.comp`.
-pub const RASTER: &[u32] = file!("raster.comp");
 /// `shade.comp`.
 pub const SHADE: &[u32] = file!("shade.comp");
 /// `ordered.comp`.
 pub const ORDERED: &[u32] = file!("ordered.comp");
 
-/// All kernels.
-#[cfg_attr(not(feature = "scene"), allow(dead_code))] // for `bench`, and for tests
-pub const KERNELS: &[&[u32]] = &[
-    BINNING_SCAN,
-    BINNING_SCATTER,
-    BINNING_SORT,
-    CLEAR,
-    COMMANDS,
-    ORDERED,
-    PRIMITIVE,
-    RASTER,
-    SHADE,
-    VERTEX,
+/// All kernels, by the names of their GLSL files.
+pub const KERNELS: &[(&str, &[u32])] = &[
+    ("binning_scan.comp", file!("binning_scan.comp")),
+    ("binning_scatter.comp", file!("binning_scatter.comp")),
+    ("binning_sort.comp", file!("binning_sort.comp")),
+    ("clear.comp", file!("clear.comp")),
+    ("commands.comp", file!("commands.comp")),
+    ("ordered.comp", ORDERED),
+    ("primitive.comp", file!("primitive.comp")),
+    ("raster.comp", file!("raster.comp")),
+    ("shade.comp", SHADE),
+    ("vertex.comp", VERTEX),
 ];
+
+/// The macros that every kernel is compiled with.
+pub const DEFINES: &str = include_str!("../glsl/spirv/defines.glsl");
 
 /// The scenes' shader pair, and its fragment shader with `ALPHA_MASK`.
 #[cfg(feature = "scene")]

@@ -40,7 +40,7 @@ fn same(a: &Frame, b: &Frame) -> bool {
 
 /// `pass` with each draw as a command among others that draw nothing, with some more behind their number, and with bytes
 /// of something else between two.
-fn as_commands(gpu: &Gpu, random: &mut Random, pass: &Pass) -> Pass {
+pub fn as_commands(gpu: &Gpu, random: &mut Random, pass: &Pass) -> Pass {
     let mut indirect = pass.clone();
     for draw in &mut indirect.draws {
         let primitives = pass.pipelines[draw.pipeline].topology.primitives(draw.count);

@@ -16,8 +16,9 @@ use tilewright::{
 #[allow(dead_code)]
 #[path = "../glsl/tool/constants.rs"]
 mod constants;
-#[path = "../glsl/tool/contraction.rs"]
-mod contraction;
+#[allow(dead_code)]
+#[path = "../src/shader/engine.rs"]
+mod engine;
 
 /// Runs `body`, which turns `v`, four words of input, into `r`, four words of output, over `inputs`, one
 /// for each lane of subgroups that are workgroups.
@@ -62,7 +63,7 @@ void main() {{
         inputs.len()
     );
     let mut module = rspirv::dr::load_words(kernel_spirv(&source)).expect("a module");
-    contraction::forbid(&mut module);
+    engine::forbid_contraction(&mut module);
     let spirv = module.assemble();
     let subgroup_size = Some(lanes);
     let name = "probe";
@@ -322,7 +323,7 @@ fn patches_are_left_out_where_an_edge_has_them_outside() {
             r.x = patches_touched(at, dx, dy, corners.xy, corners.zw);
             r.yzw = uvec3(1u << PATCH_X_LOG2, 1u << PATCH_Y_LOG2, COLUMNS);";
         for lanes in [4, 8, 16, 32, 64, 128] {
-            let steps = ["lib/patch.glsl", "lib/block.glsl"];
+            let steps = ["lib/exact.glsl", "lib/depth.glsl", "lib/patch.glsl", "lib/block.glsl"];
             let outputs: Vec<[u32; 4]> = probe_as_if(lanes, gpu, &steps, body, &inputs);
             for (input, [patches, width, height, columns]) in inputs.iter().zip(outputs) {
                 assert_eq!(width * height, lanes);

@@ -27,6 +27,7 @@ mod pass;
 mod property;
 mod readme;
 mod regression;
+mod replaced;
 mod resource_arrays;
 mod samplers;
 mod scene;

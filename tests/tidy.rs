@@ -19,6 +19,8 @@ const NOT_STAGES: &[(&str, &str)] = &[
     ("frame", "the buffers of a pass and its recording"),
     ("prepared", "a recorded pass and its results"),
     ("kernels", "the kernels of a pipeline, made once"),
+    ("maker", "makes one kernel"),
+    ("sources", "the GLSL of the kernels, also a user's"),
     ("scratch", "memory that a pass needs while it runs"),
     ("target", "the rows of a band"),
     ("slots", "the table slots of a draw's resources"),

@@ -2,6 +2,7 @@
 // The file that includes this one defines SUBGROUP_WIDTH, and GREATER: whether the greater depth is nearer.
 #ifndef BLOCK_GLSL
 #define BLOCK_GLSL
+#include "lib/depth.glsl"
 #include "lib/patch.glsl"
 
 // A block is a quadrant of the bin, or two of them where a subgroup is wider than one. It is tested in
@@ -16,15 +17,10 @@ bool in_front(const float a, const float b) {
     return GREATER ? a > b : a < b;
 }
 
-// Bounds of the triangle's depth at the pixels from `origin` to `origin + last`: nothing is nearer than
-// the first, nothing farther than the second.
+// `depth_range` as nearest and farthest: nothing is nearer than the first, nothing farther than the second.
 vec2 depth_bounds(const vec3 plane, const ivec2 origin, const ivec2 last) {
-    vec2 at = plane.yz * vec2(origin), end = plane.yz * vec2(last);
-    float slack = (abs(plane.x) + abs(at.x) + abs(at.y) + abs(end.x) + abs(end.y)) * (1.0 / 1048576.0);
-    float start = plane.x + at.x + at.y;
-    float low = clamp(start + min(end.x, 0.0) + min(end.y, 0.0) - slack, 0.0, 1.0);
-    float high = clamp(start + max(end.x, 0.0) + max(end.y, 0.0) + slack, 0.0, 1.0);
-    return GREATER ? vec2(high, low) : vec2(low, high);
+    vec2 range = depth_range(plane, origin, last);
+    return GREATER ? range.yx : range;
 }
 
 // One bit for each patch of the block that a triangle may touch, row by row: under the pixels

@@ -27,18 +27,33 @@ vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c) {
     return vec3(settled(plane.x), settled(plane.y), settled(plane.z));
 }
 
-// Depth at the pixel, clamped to 0..1, in two steps: the first serves a whole column of pixels.
+// The depth that the target keeps for the depth `d`. It never falls while `d` grows.
+float kept_depth(const float d) {
+    // Written so that every device picks +0 for anything not above zero.
+    return d > 0.0 ? (d < 1.0 ? d : 1.0) : 0.0;
+}
+
+// Depth at the pixel, as the target keeps it, in two steps: the first serves a whole column of pixels.
 float depth_of_column(const float z, const float dzdx, const int x) {
     return multiply_add(dzdx, float(x), z);
 }
 
 float depth_in_column(const float column, const float dzdy, const int y) {
-    float d = multiply_add(dzdy, float(y), column);
-    // Written so that every device picks +0 for anything not above zero.
-    return d > 0.0 ? (d < 1.0 ? d : 1.0) : 0.0;
+    return kept_depth(multiply_add(dzdy, float(y), column));
 }
 
 float depth_at(const float z, const float dzdx, const float dzdy, const ivec2 pixel) {
     return depth_in_column(depth_of_column(z, dzdx, pixel.x), dzdy, pixel.y);
+}
+
+// Bounds of the triangle's depth at the pixels from `origin` to `origin + last`: nothing is less than the
+// first, nothing greater than the second.
+vec2 depth_range(const vec3 plane, const ivec2 origin, const ivec2 last) {
+    vec2 at = plane.yz * vec2(origin), end = plane.yz * vec2(last);
+    float slack = (abs(plane.x) + abs(at.x) + abs(at.y) + abs(end.x) + abs(end.y)) * (1.0 / 1048576.0);
+    float start = plane.x + at.x + at.y;
+    float low = start + min(end.x, 0.0) + min(end.y, 0.0) - slack;
+    float high = start + max(end.x, 0.0) + max(end.y, 0.0) + slack;
+    return vec2(kept_depth(low), kept_depth(high));
 }
 #endif

@@ -6,7 +6,8 @@
 
 use rspirv::{binary::Assemble, dr::Module};
 use std::{
-    collections::{BTreeMap, HashSet},
+    cell::RefCell,
+    collections::{BTreeMap, BTreeSet, HashSet},
     fs, io,
     path::{Path, PathBuf},
     process::ExitCode,
@@ -15,7 +16,8 @@ use std::{
 #[path = "../../src/shader/bundled.rs"]
 mod bundled;
 mod constants;
-mod contraction;
+#[path = "../../src/shader/engine.rs"]
+mod engine;
 mod layout;
 #[path = "../source.rs"]
 mod source;
@@ -63,8 +65,14 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     let defines = constants::defines();
     let mut files = BTreeMap::new();
     let mut sources = BTreeMap::new();
+    let used = RefCell::new(BTreeSet::new());
+    let plain = source::reader(glsl);
+    let read = |name: &str| {
+        used.borrow_mut().insert(name.to_string());
+        plain(name)
+    };
     for name in kernels(glsl)? {
-        let text = source::expand(glsl, &name)?;
+        let text = source::expand(&read, &name)?;
         let words = compile(&name, &text, "comp", &defines)?;
         let mut module = load(&name, &words)?;
         if name == "abi.comp" {
@@ -75,14 +83,19 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
             );
             files.insert("layout.rs".into(), all.into_bytes());
         } else {
-            contraction::forbid(&mut module);
+            engine::forbid_contraction(&mut module);
+            engine::number_constants(&mut module, constants::abi::SPEC_FIRST);
             forget_local_names(&mut module);
             files.insert(format!("{name}.spv"), bytes(&module.assemble()));
         }
         sources.insert(name, text);
     }
+    // It is no kernel, see there.
+    used.borrow_mut().remove("abi.comp");
+    files.insert("files.rs".into(), list_of_files(&used.take()).into_bytes());
+    files.insert("defines.glsl".into(), defines.into_bytes());
     for (name, file, stage, defines) in VARIANTS {
-        let text = source::expand(glsl, file)?;
+        let text = source::expand(&read, file)?;
         // As users' shaders: nothing is done to the module.
         files.insert(format!("{name}.spv"), bytes(&compile(file, &text, stage, defines)?));
         sources.insert((*file).into(), text);
@@ -90,6 +103,17 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     let list: String = sources.iter().map(|(name, text)| source::entry(name, text)).collect();
     files.insert(source::LIST.into(), list.into_bytes());
     Ok(files)
+}
+
+/// A list of the files that kernels are made of, for the library.
+fn list_of_files(names: &BTreeSet<String>) -> String {
+    let all: String = names
+        .iter()
+        .map(|name| format!("    (\"{name}\", include_str!(\"../{name}\")),\n"))
+        .collect();
+    format!(
+        "//! The GLSL of the kernels. Made by `cargo spirv`.\n\npub const FILES: &[(&str, &str)] = &[\n{all}];\n"
+    )
 }
 
 /// The kernels: every `.comp` that lies in `glsl/` itself.
@@ -163,7 +187,7 @@ mod tests {
 
     #[test]
     fn a_change_in_an_included_file_shows_in_the_list() {
-        let text = source::expand(&glsl(), "raster.comp").unwrap();
+        let text = source::expand(&source::reader(&glsl()), "raster.comp").unwrap();
         let edge = fs::read_to_string(glsl().join("lib/edge.glsl")).unwrap();
         let line = edge.lines().rev().find(|line| line.len() > 20).unwrap();
         assert!(text.contains(line), "{line}");

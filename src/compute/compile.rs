@@ -2,14 +2,15 @@
 
 use super::{
     Renderer,
-    kernels::{self, KernelRequest, Kernels},
+    kernels::{self, Kernels},
+    maker::{KernelRequest, Maker, STACK_BYTES},
 };
 use crate::{
     error::{Error, Result},
     format::Format,
     pass::{Pass, Pipeline, check_color_targets},
     plan::PipelineKernels,
-    vk::{Gpu, Kernel, generate_code},
+    vk::{Kernel, generate_code},
 };
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -164,7 +165,7 @@ impl Pending {
     /// Starts to make the kernels of `wanted`, those excepted that are `known` or that `earlier` threads make, and has their
     /// code generated with that of the `plain` ones.
     pub fn start(
-        (gpu, width): (&Gpu, u32),
+        maker: &Arc<Maker>,
         wanted: Vec<KernelRequest>,
         known: impl FnMut(&KernelRequest) -> Option<Kernel>,
         (earlier, plain): (Vec<Pending>, Vec<Kernel>),
@@ -172,7 +173,7 @@ impl Pending {
         let (outcome, ended, thread) = (Mutex::default(), Condvar::new(), Mutex::default());
         let mut found: Vec<_> = wanted.iter().map(known).collect();
         let pending = Self(Arc::new(State { wanted, outcome, ended, thread }));
-        let (state, gpu) = (pending.clone(), gpu.clone());
+        let (state, maker) = (pending.clone(), maker.clone());
         let work = move || {
             let wanted = &state.0.wanted;
             // Each waits for those before it alone, so that nobody waits for ever.
@@ -185,14 +186,14 @@ impl Pending {
                 }
             }
             let made = catch_unwind(AssertUnwindSafe(|| {
-                let made = kernels::make_all(&gpu, width, wanted, &found);
-                match generate_code(&gpu, plain.iter().chain(made.iter().flatten())) {
+                let made = maker.make_all(wanted, &found);
+                match generate_code(&maker.gpu, plain.iter().chain(made.iter().flatten())) {
                     Ok(()) => made,
                     Err(fault) => vec![Err(fault)],
                 }
             }));
             let made = made.unwrap_or_else(|_| {
-                vec![Err(Error::Device(format!("{}: a kernel was not made", gpu.info())))]
+                vec![Err(Error::Device(format!("{}: a kernel was not made", maker.gpu.info())))]
             });
             let mut outcome = Outcome { made: Vec::new(), fault: None };
             for (request, made) in wanted.iter().zip(made) {
@@ -202,7 +203,7 @@ impl Pending {
                 }
             }
             // Whoever sees the outcome may close the device.
-            drop((gpu, found, plain));
+            drop((maker, found, plain));
             *state.outcome() = Some(outcome);
             state.0.ended.notify_all();
         };
@@ -216,7 +217,7 @@ impl Pending {
             }
         };
         let of_thread = job.clone();
-        let builder = thread::Builder::new().stack_size(kernels::STACK_BYTES);
+        let builder = thread::Builder::new().stack_size(STACK_BYTES);
         match builder.spawn(move || run(&of_thread)) {
             Ok(thread) => {
                 *pending.0.thread.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread);

@@ -1,41 +1,21 @@
-//! Makes the engine's kernels on one device, also with users' shaders spliced in. Each is made once.
+//! The kernels of a renderer, also with users' shaders spliced in. Each is made once.
 
-use super::{compile::Pending, vertex};
+use super::{
+    compile::Pending,
+    maker::{KernelRequest, Maker, in_parallel},
+};
 use crate::{
-    abi,
     error::{Error, Result},
     format::Format,
     kept::Kept,
     plan::{BatchPlan, KernelKey, Method, Plan},
-    prebuilt,
-    shader::splice::{Blocks, Derivatives, SpliceOptions, splice},
-    state::Compare,
-    vk::{DeviceKind, Gpu, Kernel, KernelInfo, generate_code},
+    vk::{Kernel, generate_code},
 };
-use std::{
-    collections::HashSet,
-    sync::Arc,
-    sync::atomic::{AtomicUsize, Ordering},
-};
-
-/// A kernel that is made when the first pass needs it.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum KernelRequest {
-    /// Raster with a depth comparison.
-    Raster(Compare),
-    /// Vertex shading.
-    Vertex(Arc<KernelKey>),
-    /// Shading of opaque work into a colour format.
-    Shade(Arc<KernelKey>, u32),
-    /// Ordered work into a colour format, with a depth mode.
-    Ordered(Arc<KernelKey>, u32, u32),
-}
+use std::{collections::HashSet, sync::Arc};
 
 /// All kernels of a renderer.
 pub struct Kernels {
-    gpu: Gpu,
-    /// The subgroup width that kernels are made for.
-    width: u32,
+    maker: Arc<Maker>,
     pub clear: Kernel,
     pub commands: Kernel,
     pub primitive: Kernel,
@@ -91,26 +71,10 @@ pub fn color_format(format: Format) -> Result<u32> {
 }
 
 impl Kernels {
-    pub fn new(gpu: &Gpu) -> Result<Self> {
-        let width = gpu.limits().subgroup_size;
-        let plain = |name, spirv| KernelInfo { name, spirv, ..KernelInfo::default() };
-        let constants = [("SUBGROUP_WIDTH", width)];
-        let wide = |name, spirv| wide(width, name, spirv, &constants);
-        let infos = [
-            plain("clear", prebuilt::CLEAR),
-            wide("commands", prebuilt::COMMANDS),
-            plain("primitive", prebuilt::PRIMITIVE),
-            wide("binning_scan", prebuilt::BINNING_SCAN),
-            plain("binning_scatter", prebuilt::BINNING_SCATTER),
-            wide("binning_sort", prebuilt::BINNING_SORT),
-        ];
-        let made = in_parallel(&infos, |info| Kernel::trusted(gpu, info));
-        let made = made.into_iter().collect::<Result<Vec<_>>>()?;
-        let [clear, commands, primitive, scan, scatter, sort] =
-            made.try_into().expect("as many kernels as infos");
+    pub fn new(maker: Maker) -> Result<Self> {
+        let [clear, commands, primitive, scan, scatter, sort] = maker.plain()?;
         Ok(Self {
-            gpu: gpu.clone(),
-            width,
+            maker: Arc::new(maker),
             clear,
             commands,
             primitive,
@@ -139,7 +103,7 @@ impl Kernels {
         let all: Vec<Kernel> = all.collect();
         if self.made.made() > before {
             let plain = self.cold();
-            generate_code(&self.gpu, plain.iter().chain(&all))?;
+            generate_code(&self.maker.gpu, plain.iter().chain(&all))?;
         }
         Ok(all)
     }
@@ -161,7 +125,7 @@ impl Kernels {
         let earlier = self.pending.iter().filter(|one| one.makes(&wanted)).cloned().collect();
         let plain = self.cold();
         let known = |request: &KernelRequest| self.made.get(request).cloned();
-        let pending = Pending::start((&self.gpu, self.width), wanted, known, (earlier, plain));
+        let pending = Pending::start(&self.maker, wanted, known, (earlier, plain));
         self.pending.push(pending.clone());
         pending
     }
@@ -241,7 +205,7 @@ impl Kernels {
         self.pending.iter().filter(|one| one.makes(&missing)).for_each(|one| drop(one.wait()));
         self.take_finished();
         missing.retain(|wanted| self.made.get(wanted).is_none());
-        let made = in_parallel(&missing, |wanted| make(&self.gpu, self.width, wanted));
+        let made = in_parallel(&missing, |wanted| self.maker.make(wanted));
         let mut outcome = Ok(());
         for (wanted, made) in missing.into_iter().zip(made) {
             match made {
@@ -266,110 +230,4 @@ pub fn of_method(
         Method::Ordered { depth, .. } => (None, KernelRequest::Ordered(fragment, format, depth)),
     };
     raster.into_iter().chain([fragment])
-}
-
-/// The kernels of `wanted`, those that were `found` before included.
-pub fn make_all(
-    gpu: &Gpu,
-    width: u32,
-    wanted: &[KernelRequest],
-    found: &[Option<Kernel>],
-) -> Vec<Result<Kernel>> {
-    let all: Vec<_> = wanted.iter().zip(found).collect();
-    in_parallel(&all, |(wanted, found)| match found {
-        Some(found) => Ok((*found).clone()),
-        None => make(gpu, width, wanted),
-    })
-}
-
-/// Makes one kernel.
-fn make(gpu: &Gpu, width: u32, wanted: &KernelRequest) -> Result<Kernel> {
-    let (stage, words, key, constants) = match wanted {
-        KernelRequest::Raster(compare) => {
-            // Shared memory has no advantage on a CPU, and the driver does not access it by
-            // address.
-            let in_place = gpu.reads_by_address().into();
-            let constants =
-                [("SUBGROUP_WIDTH", width), ("COMPARE", *compare as u32), ("IN_PLACE", in_place)];
-            let info = wide(width, "raster", prebuilt::RASTER, &constants);
-            return Kernel::trusted(gpu, &info);
-        }
-        KernelRequest::Vertex(key) => {
-            ("vertex", prebuilt::VERTEX, key, vec![("LANES", vertex::lanes(width))])
-        }
-        KernelRequest::Shade(key, format) => {
-            ("shade", prebuilt::SHADE, key, vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format)])
-        }
-        KernelRequest::Ordered(key, format, depth) => {
-            let constants = vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
-            ("ordered", prebuilt::ORDERED, key, constants)
-        }
-    };
-    let native = gpu.has_compute_derivatives();
-    let options = SpliceOptions {
-        derivatives: if native { Derivatives::Native } else { Derivatives::Quad },
-        blocks: if gpu.info().kind == DeviceKind::Cpu {
-            Blocks::Prefetched
-        } else {
-            Blocks::InPlace
-        },
-        specialization: &key.specialization,
-    };
-    let spliced = splice(words, &key.shader, &options)?;
-    let attributes = key.attributes.iter();
-    let attributes = attributes.map(|&(location, f)| (abi::SPEC_ATTRIBUTE + location, f));
-    let read = (abi::SPEC_READ, key.read);
-    let own = key.specialization.iter().copied();
-    let constant_ids: Vec<_> = own.chain(attributes).chain([read]).collect();
-    let name = format!("{stage} {}", key.shader.label);
-    let info = wide(width, &name, &spliced.spirv, &constants);
-    Kernel::trusted(gpu, &KernelInfo { constant_ids: &constant_ids, ..info })
-}
-
-/// A kernel that is made for full subgroups of one width.
-fn wide<'a>(
-    width: u32,
-    name: &'a str,
-    spirv: &'a [u32],
-    constants: &'a [(&'a str, u32)],
-) -> KernelInfo<'a> {
-    let subgroup_size = Some(width);
-    KernelInfo {
-        name,
-        spirv,
-        constants,
-        full_subgroups: true,
-        subgroup_size,
-        ..KernelInfo::default()
-    }
-}
-
-/// Stack of a thread that makes kernels: drivers and the splicer expect that of a main thread.
-pub const STACK_BYTES: usize = 8 << 20;
-
-/// `make` of each of `inputs`, on as many threads as the machine has cores.
-fn in_parallel<I: Sync, O: Send>(
-    inputs: &[I],
-    make: impl Fn(&I) -> Result<O> + Sync,
-) -> Vec<Result<O>> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(inputs.len());
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let taken = std::iter::from_fn(|| Some(next.fetch_add(1, Ordering::Relaxed)));
-        let taken = taken.map_while(|n| Some((n, inputs.get(n)?)));
-        taken.map(|(n, input)| (n, make(input))).collect::<Vec<_>>()
-    };
-    let mut made: Vec<(usize, Result<O>)> = std::thread::scope(|scope| {
-        // Where the system refuses a thread, the others do its work.
-        let thread = || std::thread::Builder::new().stack_size(STACK_BYTES);
-        let spawned: Vec<_> =
-            (1..threads).filter_map(|_| thread().spawn_scoped(scope, work).ok()).collect();
-        let mut all = work();
-        for thread in spawned {
-            all.extend(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        }
-        all
-    });
-    made.sort_by_key(|(n, _)| *n);
-    made.into_iter().map(|(_, one)| one).collect()
 }

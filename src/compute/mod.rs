@@ -27,6 +27,7 @@ mod compile;
 mod encoder;
 mod frame;
 mod kernels;
+mod maker;
 mod ordered;
 mod prepared;
 mod primitive;
@@ -34,6 +35,7 @@ mod raster;
 mod scratch;
 mod shade;
 mod slots;
+mod sources;
 mod target;
 mod trace;
 mod vertex;
@@ -41,6 +43,9 @@ mod vertex;
 pub use compile::{Compilation, Compiled};
 pub use encoder::{Encoder, Recorded};
 pub use prepared::Prepared;
+
+/// The engine's GLSL: names of files and their texts, for [`Renderer::with_glsl`].
+pub const GLSL: &[(&str, &str)] = crate::prebuilt::FILES;
 
 use crate::{
     error::Result,
@@ -53,10 +58,12 @@ use crate::{
     vk::{Arena, Cached, CallerCommands, Copies, Gpu, Recorder, Resources},
 };
 use frame::{Setup, Workspace};
-use kernels::{KernelRequest, Kernels, PlanKernels};
+use kernels::{Kernels, PlanKernels};
+use maker::{KernelRequest, Maker};
 use prepared::Results;
 use scratch::Scratch;
 use slots::{TablePool, TableSlots, Tables};
+use sources::Sources;
 use std::sync::{Arc, Mutex};
 
 /// Executes passes by compute kernels on one device.
@@ -89,13 +96,47 @@ impl Renderer {
     /// # Errors
     /// [`crate::Error::Device`] if the driver refuses a kernel.
     pub fn new(gpu: &Gpu) -> Result<Self> {
+        Self::with_sources(gpu, Sources::default())
+    }
+
+    /// A renderer with stages of the caller's own: each of `files`, a name and a text, takes the place of the file of the
+    /// engine's GLSL that has this name ([`GLSL`]), or is a further file that these include. Kernels whose text changes are
+    /// compiled here.
+    ///
+    /// The comment at the top of each kernel says what the kernel reads and writes and what others rely on; the other stages
+    /// stay as they are. `abi.glsl`, the structs that the host writes and reads, cannot be replaced. A stage that breaks its
+    /// contract draws a wrong picture, or may not end. It reaches no memory but that of this renderer and what passes bind:
+    /// all kernels of such a renderer check bounds, so that they are slower than those of [`Renderer::new`].
+    ///
+    /// ```no_run
+    /// # fn main() -> tilewright::Result<()> {
+    /// use tilewright::{Gpu, GpuOptions, Renderer, compute};
+    ///
+    /// let gpu = Gpu::open(&GpuOptions::default())?;
+    /// let (_, depth) = compute::GLSL.iter().find(|(name, _)| *name == "lib/depth.glsl").unwrap();
+    /// let nearer = depth.replace("return d > 0.0 ?", "d *= 0.5;\n    return d > 0.0 ?");
+    /// let renderer = Renderer::with_glsl(&gpu, &[("lib/depth.glsl", &nearer)])?;
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// [`crate::Error::Shader`] with the compiler's messages, which name the file and the line, or because the crate was built
+    /// without a GLSL compiler (features `glsl` and `glsl-bundled`). [`crate::Error::Usage`] if no kernel is made of one of
+    /// the files, or if a kernel lacks a constant or reaches memory that a kernel may not reach ([`crate::Kernel::new`]).
+    /// [`crate::Error::Device`] if the driver refuses a kernel.
+    pub fn with_glsl(gpu: &Gpu, files: &[(&str, &str)]) -> Result<Self> {
+        Self::with_sources(gpu, Sources::new(files)?)
+    }
+
+    fn with_sources(gpu: &Gpu, sources: Sources) -> Result<Self> {
         Ok(Self {
             gpu: gpu.clone(),
             resources: Resources::new(gpu),
             tables: TablePool::new(gpu),
             known: Known::default(),
             planner: Planner::default(),
-            kernels: Kernels::new(gpu)?,
+            kernels: Kernels::new(Maker::new(gpu, sources))?,
             limit: Capacities::DEFAULT,
             timed: false,
             scratch: Scratch::default(),

@@ -57,7 +57,8 @@ pub(super) fn compile(
         Stage::Vertex => "vert",
         Stage::Fragment => "frag",
     };
-    let words = words(stage, source, finder)
+    let find = |name: &str, includer: &str, depth| finder.find(name, includer, depth);
+    let words = words(stage, source, &find)
         .and_then(|words| validate::validate(&words).map(|()| words))
         .map_err(|reason| Error::shader(label, reason))?;
     if let Some(entry) = stored {
@@ -71,12 +72,31 @@ pub(super) fn compile(
 /// # Errors
 /// As [`compile`].
 pub(super) fn kernel(label: &str, source: &str) -> Result<Vec<u32>> {
-    words("comp", source, &Finder::default())
+    words("comp", source, &|_, _, _| None)
         .and_then(|words| validate::validate(&words).map(|()| words))
         .map_err(|reason| Error::shader(label, reason))
 }
 
-fn words(stage: &str, source: &str, finder: &Finder) -> Outcome<Vec<u32>> {
+/// As [`kernel`], with lines of `defines` and with included files, which `read` finds by the name in the include.
+///
+/// # Errors
+/// As [`compile`].
+pub(super) fn stage(
+    label: &str,
+    source: &str,
+    defines: &str,
+    read: &dyn Fn(&str) -> Option<String>,
+) -> Result<Vec<u32>> {
+    let find = |name: &str, _: &str, depth| {
+        let text = if depth > include::DEPTH { None } else { read(name) };
+        Some((name.to_string(), plain_ascii(&text?).ok()?))
+    };
+    words("comp", &include::with_defines(source, defines), &find)
+        .and_then(|words| validate::validate(&words).map(|()| words))
+        .map_err(|reason| Error::shader(label, reason))
+}
+
+fn words(stage: &str, source: &str, find: &compiler::Find) -> Outcome<Vec<u32>> {
     // Compilers take a source without a version for the first version there was. They complain of that at length, some of
     // them to standard output.
     if include::version(source).is_none() && HAS_COMPILER {
@@ -86,8 +106,7 @@ fn words(stage: &str, source: &str, finder: &Finder) -> Outcome<Vec<u32>> {
         );
     }
     let source = plain_ascii(source)?;
-    let find = |name: &str, includer: &str, depth| finder.find(name, includer, depth);
-    compiler::compile(stage, &source, &find).map_err(|log| match HAS_COMPILER {
+    compiler::compile(stage, &source, find).map_err(|log| match HAS_COMPILER {
         true => message(&log, &source),
         false => log,
     })
@@ -149,7 +168,7 @@ pub(super) mod tests {
 
     /// Compiles a compute shader for a test.
     pub fn kernel(source: &str) -> Vec<u32> {
-        words("comp", source, &Finder::default()).unwrap()
+        words("comp", source, &|_, _, _| None).unwrap()
     }
 
     const HEAD: &str = "#version 450\nlayout(location = 0) out vec4 color;\n";

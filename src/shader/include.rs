@@ -83,8 +83,16 @@ pub(super) fn allowed(source: &str) -> Cow<'_, str> {
     format!("{head}\n{extension}\n#line {}{rest}", line_number(source, version.end) + 1).into()
 }
 
+/// The source as [`allowed`] has it, with the lines of `defines` after that of the version. Lines keep their numbers.
+pub(super) fn with_defines(source: &str, defines: &str) -> String {
+    let source = allowed(source);
+    let Some(version) = version(&source) else { return source.into() };
+    let (head, rest) = source.split_at(version.end);
+    format!("{head}\n{defines}#line {}{rest}", line_number(&source, version.end) + 1)
+}
+
 /// Deeper nesting is taken for a file that includes itself.
-const DEPTH: usize = 32;
+pub(super) const DEPTH: usize = 32;
 
 /// Finds included files: beside the file that includes them, beside the shader, in further folders.
 /// Without a folder it finds nothing.

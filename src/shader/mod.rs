@@ -9,6 +9,7 @@ mod block;
 mod bundled;
 mod compile;
 pub mod conform;
+mod engine;
 mod file;
 #[cfg(test)]
 mod hostile;
@@ -43,9 +44,10 @@ pub(crate) mod testing {
     }
 }
 
-use crate::{Error, Result, format::Format, image::Shape};
+use crate::{Error, Result, abi, format::Format, image::Shape, load_spirv::load};
 pub use file::FileOptions;
 pub(crate) use resource::ResourceArray;
+use rspirv::binary::Assemble as _;
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -309,6 +311,24 @@ pub struct Reflection {
 /// As [`Shader::from_glsl`].
 pub(crate) fn compile_kernel(label: &str, source: &str) -> Result<Vec<u32>> {
     compile::kernel(label, source)
+}
+
+/// The SPIR-V of one of the engine's kernels: `text` of the file `label`, with the lines of `defines` after that of the version,
+/// and with files that `read` finds in its includes. Float arithmetic rounds after every operation, as in all of them.
+///
+/// # Errors
+/// As [`Shader::from_glsl`].
+pub(crate) fn compile_stage(
+    label: &str,
+    text: &str,
+    defines: &str,
+    read: &dyn Fn(&str) -> Option<String>,
+) -> Result<Vec<u32>> {
+    let words = compile::stage(label, text, defines, read)?;
+    let mut module = load(&words).map_err(|reason| Error::shader(label, reason))?;
+    engine::forbid_contraction(&mut module);
+    engine::number_constants(&mut module, abi::SPEC_FIRST);
+    Ok(module.assemble())
 }
 
 /// Whether `words` are a valid module, by the validator.

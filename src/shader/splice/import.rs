@@ -389,7 +389,7 @@ impl Importer<'_, '_> {
             let of_interface = ports.contains(&target)
                 && (instruction.class.opcode == Op::Decorate || *decoration == Decoration::Offset);
             let spec_id = instruction.operands.get(2).filter(|_| *decoration == Decoration::SpecId);
-            if let Some(Operand::LiteralBit32(65536..)) = spec_id {
+            if let Some(Operand::LiteralBit32(crate::abi::SPEC_FIRST..)) = spec_id {
                 return Err("specialization constants with a constant_id of 65536 or more".into());
             }
             if keep && self.own[target as usize] && !of_interface {

@@ -1,4 +1,5 @@
-//! Float arithmetic that rounds after every operation, for the build and for the tests of single steps.
+//! What is done to every kernel of the engine after compiling, by the tool that makes `glsl/spirv/` and by the library
+//! alike: float arithmetic rounds after every operation, and specialization constants get numbers of their own.
 
 use rspirv::{
     dr::{Instruction, Module, Operand},
@@ -7,7 +8,7 @@ use rspirv::{
 
 /// Decorates all float arithmetic with `NoContraction`, so that a multiply and an add round twice on
 /// every device, as they do on the CPU.
-pub fn forbid(module: &mut Module) {
+pub fn forbid_contraction(module: &mut Module) {
     let exact: Vec<Instruction> = module
         .all_inst_iter()
         .filter(|i| {
@@ -34,4 +35,15 @@ pub fn forbid(module: &mut Module) {
         .filter(|decoration| !module.annotations.contains(decoration))
         .collect();
     module.annotations.extend(exact);
+}
+
+/// Adds `first` to the `constant_id` of each specialization constant.
+pub fn number_constants(module: &mut Module, first: u32) {
+    for decoration in &mut module.annotations {
+        if let [_, Operand::Decoration(Decoration::SpecId), Operand::LiteralBit32(id)] =
+            decoration.operands.as_mut_slice()
+        {
+            *id += first;
+        }
+    }
 }

@@ -1,0 +1,185 @@
+//! Makes kernels on one device, also with users' shaders spliced in.
+
+use super::{sources::Sources, vertex};
+use crate::{
+    abi,
+    error::Result,
+    plan::KernelKey,
+    shader::splice::{Blocks, Derivatives, SpliceOptions, splice},
+    state::Compare,
+    vk::{DeviceKind, Gpu, Kernel, KernelInfo},
+};
+use std::{
+    sync::Arc,
+    sync::atomic::{AtomicUsize, Ordering},
+};
+
+/// A kernel that is made when the first pass needs it.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum KernelRequest {
+    /// Raster with a depth comparison.
+    Raster(Compare),
+    /// Vertex shading.
+    Vertex(Arc<KernelKey>),
+    /// Shading of opaque work into a colour format.
+    Shade(Arc<KernelKey>, u32),
+    /// Ordered work into a colour format, with a depth mode.
+    Ordered(Arc<KernelKey>, u32, u32),
+}
+
+/// What kernels are made with.
+pub struct Maker {
+    pub gpu: Gpu,
+    sources: Sources,
+    /// The subgroup width that kernels are made for.
+    width: u32,
+}
+
+impl Maker {
+    pub fn new(gpu: &Gpu, sources: Sources) -> Self {
+        Self { gpu: gpu.clone(), sources, width: gpu.limits().subgroup_size }
+    }
+
+    /// The kernels without users' shaders that every pass has: clear, commands, primitive, and the three of binning.
+    ///
+    /// # Errors
+    /// As [`Maker::make`].
+    pub fn plain(&self) -> Result<[Kernel; 6]> {
+        let plain = |name, file| KernelInfo::new(name, self.sources.words(file));
+        let constants = [("SUBGROUP_WIDTH", self.width)];
+        let wide = |name, file| self.wide(name, self.sources.words(file), &constants);
+        let infos = [
+            plain("clear", "clear.comp"),
+            wide("commands", "commands.comp"),
+            plain("primitive", "primitive.comp"),
+            wide("binning_scan", "binning_scan.comp"),
+            plain("binning_scatter", "binning_scatter.comp"),
+            wide("binning_sort", "binning_sort.comp"),
+        ];
+        let made = in_parallel(&infos, |info| self.kernel(info));
+        let made = made.into_iter().collect::<Result<Vec<_>>>()?;
+        Ok(made.try_into().expect("as many kernels as infos"))
+    }
+
+    /// The kernels of `wanted`, those that were `found` before included.
+    pub fn make_all(
+        &self,
+        wanted: &[KernelRequest],
+        found: &[Option<Kernel>],
+    ) -> Vec<Result<Kernel>> {
+        let all: Vec<_> = wanted.iter().zip(found).collect();
+        in_parallel(&all, |(wanted, found)| match found {
+            Some(found) => Ok((*found).clone()),
+            None => self.make(wanted),
+        })
+    }
+
+    /// Makes one kernel.
+    ///
+    /// # Errors
+    /// [`crate::Error::Shader`] if a shader is out of reach, [`crate::Error::Device`] if the driver
+    /// refuses a kernel.
+    pub fn make(&self, wanted: &KernelRequest) -> Result<Kernel> {
+        let width = self.width;
+        let (stage, file, key, constants) = match wanted {
+            KernelRequest::Raster(compare) => {
+                // Shared memory has no advantage on a CPU, and the driver does not access it by
+                // address.
+                let in_place = self.gpu.reads_by_address().into();
+                let constants = [
+                    ("SUBGROUP_WIDTH", width),
+                    ("COMPARE", *compare as u32),
+                    ("IN_PLACE", in_place),
+                ];
+                let words = self.sources.words("raster.comp");
+                return self.kernel(&self.wide("raster", words, &constants));
+            }
+            KernelRequest::Vertex(key) => {
+                ("vertex", "vertex.comp", key, vec![("LANES", vertex::lanes(width))])
+            }
+            KernelRequest::Shade(key, format) => {
+                let constants = vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format)];
+                ("shade", "shade.comp", key, constants)
+            }
+            KernelRequest::Ordered(key, format, depth) => {
+                let constants =
+                    vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
+                ("ordered", "ordered.comp", key, constants)
+            }
+        };
+        let native = self.gpu.has_compute_derivatives();
+        let options = SpliceOptions {
+            derivatives: if native { Derivatives::Native } else { Derivatives::Quad },
+            blocks: if self.gpu.info().kind == DeviceKind::Cpu {
+                Blocks::Prefetched
+            } else {
+                Blocks::InPlace
+            },
+            specialization: &key.specialization,
+        };
+        let spliced = splice(self.sources.words(file), &key.shader, &options)?;
+        let attributes = key.attributes.iter();
+        let attributes =
+            attributes.map(|&(location, f)| (abi::SPEC_FIRST + abi::SPEC_ATTRIBUTE + location, f));
+        let read = (abi::SPEC_FIRST + abi::SPEC_READ, key.read);
+        let own = key.specialization.iter().copied();
+        let constant_ids: Vec<_> = own.chain(attributes).chain([read]).collect();
+        let name = format!("{stage} {}", key.shader.label);
+        let info = self.wide(&name, &spliced.spirv, &constants);
+        self.kernel(&KernelInfo { constant_ids: &constant_ids, ..info })
+    }
+
+    /// A kernel that is made for full subgroups of one width.
+    fn wide<'a>(
+        &self,
+        name: &'a str,
+        spirv: &'a [u32],
+        constants: &'a [(&'a str, u32)],
+    ) -> KernelInfo<'a> {
+        let subgroup_size = Some(self.width);
+        KernelInfo {
+            constants,
+            full_subgroups: true,
+            subgroup_size,
+            ..KernelInfo::new(name, spirv)
+        }
+    }
+
+    /// If one stage is the user's, all kernels are made as users' kernels are: one of the engine trusts what another one wrote.
+    fn kernel(&self, info: &KernelInfo<'_>) -> Result<Kernel> {
+        match self.sources.are_trusted() {
+            true => Kernel::trusted(&self.gpu, info),
+            false => Kernel::own(&self.gpu, info),
+        }
+    }
+}
+
+/// Stack of a thread that makes kernels: drivers and the splicer expect that of a main thread.
+pub const STACK_BYTES: usize = 8 << 20;
+
+/// `make` of each of `inputs`, on as many threads as the machine has cores.
+pub fn in_parallel<I: Sync, O: Send>(
+    inputs: &[I],
+    make: impl Fn(&I) -> Result<O> + Sync,
+) -> Vec<Result<O>> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(inputs.len());
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let taken = std::iter::from_fn(|| Some(next.fetch_add(1, Ordering::Relaxed)));
+        let taken = taken.map_while(|n| Some((n, inputs.get(n)?)));
+        taken.map(|(n, input)| (n, make(input))).collect::<Vec<_>>()
+    };
+    let mut made: Vec<(usize, Result<O>)> = std::thread::scope(|scope| {
+        // Where the system refuses a thread, the others do its work.
+        let thread = || std::thread::Builder::new().stack_size(STACK_BYTES);
+        let spawned: Vec<_> =
+            (1..threads).filter_map(|_| thread().spawn_scoped(scope, work).ok()).collect();
+        let mut all = work();
+        for thread in spawned {
+            all.extend(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        }
+        all
+    });
+    made.sort_by_key(|(n, _)| *n);
+    made.into_iter().map(|(_, one)| one).collect()
+}

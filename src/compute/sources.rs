@@ -1,0 +1,82 @@
+//! The GLSL of the kernels: the engine's, with files of the user in the place of some.
+
+use crate::{
+    error::{Error, Result},
+    prebuilt::{self, FILES, KERNELS},
+    shader::compile_stage,
+};
+use std::{cell::RefCell, collections::BTreeSet};
+
+#[allow(dead_code)] // for the build and for the tool
+#[path = "../../glsl/source.rs"]
+mod source;
+
+/// The file whose structs the host writes and reads.
+const SHARED: &str = "abi.glsl";
+
+/// The words of all kernels.
+#[derive(Default)]
+pub struct Sources {
+    /// The kernels whose text the user changed, by the names of their files.
+    own: Vec<(&'static str, Vec<u32>)>,
+}
+
+impl Sources {
+    /// The engine's GLSL with `files` in the place of those with the same names, or beside them.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if no kernel is made of a file, or if it is the one that is shared with the host. [`Error::Shader`] if a
+    /// kernel does not compile.
+    pub fn new(files: &[(&str, &str)]) -> Result<Self> {
+        let known = |files: &[(&str, &str)], name: &str| {
+            files.iter().find(|(file, _)| *file == name).map(|(_, text)| text.to_string())
+        };
+        let read = |name: &str| known(files, name).or_else(|| known(FILES, name));
+        let used = RefCell::new(BTreeSet::new());
+        let missing = |name: &str| format!("there is no file `{name}`");
+        let new = |name: &str| {
+            used.borrow_mut().insert(name.to_string());
+            read(name).ok_or_else(|| missing(name))
+        };
+        let old = |name: &str| known(FILES, name).ok_or_else(|| missing(name));
+        let mut changed = Vec::new();
+        for (kernel, _) in KERNELS {
+            let text = source::expand(&new, kernel).map_err(|e| Error::shader(*kernel, e))?;
+            if source::expand(&old, kernel) != Ok(text) {
+                changed.push(*kernel);
+            }
+        }
+        let used = used.into_inner();
+        for (name, _) in files {
+            if *name == SHARED {
+                return Err(Error::Usage(format!(
+                    "`{SHARED}` has the structs that the host writes and reads: it cannot be replaced"
+                )));
+            }
+            if !used.contains(*name) {
+                let names: Vec<_> = FILES.iter().map(|(name, _)| *name).collect();
+                return Err(Error::Usage(format!(
+                    "no kernel is made of the file `{name}`; they are made of {}",
+                    names.join(", ")
+                )));
+            }
+        }
+        let compile = |kernel: &&'static str| {
+            let text = read(kernel).unwrap_or_default();
+            Ok((*kernel, compile_stage(kernel, &text, prebuilt::DEFINES, &read)?))
+        };
+        Ok(Self { own: changed.iter().map(compile).collect::<Result<_>>()? })
+    }
+
+    /// Whether all kernels are those of the engine, which keep to the bounds of their buffers.
+    pub fn are_trusted(&self) -> bool {
+        self.own.is_empty()
+    }
+
+    /// The words of the kernel that the file `name` is.
+    pub fn words(&self, name: &str) -> &[u32] {
+        let own = self.own.iter().find(|(kernel, _)| *kernel == name);
+        let built = || KERNELS.iter().find(|(kernel, _)| *kernel == name).map(|(_, words)| *words);
+        own.map(|(_, words)| words.as_slice()).or_else(built).expect("a kernel of the engine")
+    }
+}
