@@ -129,7 +129,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
             shade(triangle, origin + p, !alive);
             uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
             bool keep = alive && !tw_HelperInvocation;
-            float late = tw_FragDepth > 0.0 ? min(tw_FragDepth, 1.0) : 0.0;
+            float late = kept_depth(tw_FragDepth);
             if (keep && test && DEPTH == DEPTH_LATE) keep = compare(operation, late, depth[at]);
             if (keep) {
                 float z = DEPTH == DEPTH_LATE ? late : tw_FragCoord.z;

@@ -2,7 +2,7 @@
 
 use crate::{
     common::{self, on_each_gpu, random::Random},
-    twin::{random_pass, shaders},
+    twin::{random_pass, shaders, varied::Variation},
 };
 use std::sync::Arc;
 use tilewright::{
@@ -166,23 +166,24 @@ fn the_picture_does_not_depend_on_the_batch_size() {
     on_each_gpu("batch size", |gpu| {
         let mut renderer = compute::Renderer::new(gpu).expect("kernels are made");
         let shaders = shaders();
-        for seed in 2000..2012 {
-            let pass = random_pass(seed, &shaders);
+        for seed in 2000..2024 {
+            let variation = Variation::ALL[seed as usize % 4];
+            let (_, snapshot) = variation.apply(&mut renderer, seed, random_pass(seed, &shaders));
             let mut frames = [16, 100, 1 << 17].map(|primitives| {
                 renderer.set_batch_limit(Capacities {
                     primitives,
-                    vertices: 3 * primitives,
+                    vertices: 4 * primitives,
                     varying_words: 1 << 20,
                 });
+                // What it draws over is made anew each time.
+                let (pass, _) = variation.apply(&mut renderer, seed, random_pass(seed, &shaders));
                 renderer.render(&pass).expect("it is drawn")
             });
-            let [first, rest @ ..] = &mut frames;
-            for other in rest {
-                assert!(
-                    first.colors[0] == other.colors[0],
-                    "seed {seed}: colours depend on the batch size"
-                );
-                assert!(first.depth == other.depth, "seed {seed}: depths depend on the batch size");
+            let expected = renderer.render(&snapshot).expect("it is drawn");
+            for frame in &mut frames {
+                let what = format!("{}, seed {seed}, {variation:?}", gpu.info());
+                assert!(frame.colors == expected.colors, "{what}: colours");
+                assert!(frame.depth == expected.depth, "{what}: depths");
             }
         }
     });

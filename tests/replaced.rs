@@ -4,7 +4,8 @@ use crate::{
     common::{gpu, on_each_gpu, random::Random},
     indirect, twin,
 };
-use tilewright::{Error, Extent, Renderer, compute, vk::Gpu};
+use std::sync::Arc;
+use tilewright::{Error, Extent, LoadOp, Renderer, Shader, Stage, compute, vk::Gpu};
 
 #[allow(dead_code)]
 #[path = "../examples/coarse_depth.rs"]
@@ -72,6 +73,29 @@ fn a_rule_for_depth_holds_everywhere() {
         }
         let all = extent.pixels();
         assert!(equal > all * 3 / 4 && differing > all / 50, "{equal} equal, {differing} not");
+    });
+}
+
+/// Ordered work too, and depths that shaders write.
+#[test]
+fn a_rule_for_depth_holds_in_every_kernel() {
+    on_each_gpu("a rule for depth holds in every kernel", |gpu| {
+        let mut coarse = coarse_depth::coarse(gpu).unwrap();
+        let (vertex, fragment) = twin::shaders();
+        let writes = "#version 450
+            layout(location = 0) in vec4 color;
+            layout(location = 0) out vec4 target;
+            void main() { target = color; gl_FragDepth = 0.3 + 0.7 * gl_FragCoord.z; }";
+        let writes = Arc::new(Shader::from_glsl(Stage::Fragment, "depth.frag", writes).unwrap());
+        for seed in 7800..7816 {
+            let fragment = if seed % 2 == 0 { &fragment } else { &writes };
+            let pass = twin::random_pass(seed, &(vertex.clone(), fragment.clone()));
+            let LoadOp::Clear(cleared) = pass.depth.as_ref().unwrap().load else { panic!() };
+            for depth in coarse.render(&pass).unwrap().depth.unwrap().depths() {
+                let kept = (depth * 255.0 + 0.5).floor() * (1.0 / 255.0);
+                assert!(depth == kept || depth == cleared, "{}, seed {seed}: {depth}", gpu.info());
+            }
+        }
     });
 }
 

@@ -62,7 +62,7 @@ fn same(a: &Frame, b: &Frame) -> bool {
 }
 
 /// `pass` up to draw `at`, and from there on. The second begins with what `color` and `depth` are told.
-fn split(
+pub fn split(
     pass: &Pass,
     at: usize,
     images: Option<&(Image, Image)>,

@@ -3,6 +3,7 @@
 //! compute's plan does not stay hidden.
 
 mod planned;
+pub mod varied;
 
 use crate::common::{self, random::Random};
 use std::sync::Arc;
@@ -21,6 +22,7 @@ use tilewright::{
     trace::{Trace, Vertex},
     vk::{Gpu, GpuOptions},
 };
+use varied::Variation;
 
 /// Takes clip-space positions as they are.
 pub const VERTEX: &str = "#version 450
@@ -225,14 +227,17 @@ fn random_meshes(gpu: &Gpu, seeds: std::ops::Range<u64>) {
             vertices: 3 * primitives,
             varying_words: 1 << 16,
         });
+        let variation = Variation::ALL[seed as usize / 10 % 4];
         let pass = random_pass(seed, &shaders);
+        let (pass, snapshot) = variation.apply(&mut renderer, seed, pass);
         let (_, trace) = renderer.trace(&pass).expect("the pass is drawn");
         seen += pixels(&trace);
-        if let Some(found) = reference::first_difference(&pass, &trace) {
-            panic!("{}, seed {seed}: {found}", gpu.info());
+        let what = format!("{}, seed {seed}, {variation:?}", gpu.info());
+        if let Some(found) = reference::first_difference(&snapshot, &trace) {
+            panic!("{what}: {found}");
         }
-        if let Some(vertex) = misplaced(&pass, &trace) {
-            panic!("{}, seed {seed}: {vertex} is not where its buffer says", gpu.info());
+        if let Some(vertex) = misplaced(&snapshot, &trace) {
+            panic!("{what}: {vertex} is not where its buffer says");
         }
     }
     assert!(seen as u64 > 1000 * count, "{seen} pixels drawn in {count} meshes test nothing");
