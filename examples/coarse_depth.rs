@@ -1,4 +1,4 @@
-//! A stage of the user's own: the engine's GLSL with another rule for the depth that a target keeps. The left half of the
+//! A stage of the user's own: the engine's GLSL with another rule for the depth that a target keeps of triangles. The left half of the
 //! picture is drawn with 32 bits of depth, the right half with 8: far away, the road and the meadow under it flicker.
 //!
 //! `cargo run --release --example coarse_depth --features glsl` writes `coarse_depth.png`.
@@ -51,6 +51,7 @@ pub fn coarse(gpu: &Gpu) -> tilewright::Result<Renderer> {
     let file = "lib/depth.glsl";
     let (_, engine) = compute::GLSL.iter().find(|(name, _)| *name == file).expect("it is there");
     let depth = engine.replace(RULE, COARSE_RULE);
+    assert_ne!(depth, *engine, "the rule is there");
     Renderer::with_glsl(gpu, &[(file, &depth)])
 }
 

@@ -1,8 +1,5 @@
-//! Deferred lighting: passes store what each pixel shows, and a last pass lights it. The first pass stores the colour, the
-//! second the normal and the distance; the third samples both, and many lights cost no more vertices.
-//!
-//! A pass has one colour target, so that the surfaces are drawn twice. The second time, the depth that the first pass left
-//! lets only visible fragments through.
+//! Deferred lighting: a first pass stores what each pixel shows, and a second pass lights it. The first pass has two colour
+//! targets, the colour and the normal with the distance. The second samples both, and many lights cost no more vertices.
 //!
 //! `cargo run --release --example gbuffer --features glsl` writes `gbuffer.png`.
 
@@ -10,7 +7,6 @@ use glam::camera::rh::{proj::vulkan::perspective, view::look_at_mat4};
 use glam::{Mat4, Vec3};
 use std::{error::Error, fs::File};
 use tilewright::image::png;
-use tilewright::state::{Compare, DepthState};
 use tilewright::{
     Binding, BindingSet, ColorTarget, DepthTarget, Draw, Extent, Format, Gpu, GpuOptions, Image,
     ImageInfo, ImageUse, LoadOp, Pass, Picture, Pipeline, Renderer, Sampler, Shader, Stage,
@@ -23,7 +19,6 @@ layout(push_constant) uniform Push { mat4 clip_of_world; vec4 eye; };
 layout(location = 0) out vec3 at;
 layout(location = 1) out vec3 normal;
 layout(location = 2) flat out int number;
-invariant gl_Position; // two pipelines use this shader, and the depths of both have to be equal
 const int AROUND = 48, ACROSS = 24;
 void main() {
     int cell = gl_VertexIndex / 6;
@@ -41,17 +36,17 @@ void main() {
     gl_Position = clip_of_world * vec4(at, 1.0);
 }";
 
-const COLOR: &str = "#version 450
-layout(location = 2) flat in int number;
-layout(location = 0) out vec4 color;
-void main() { color = vec4(0.55 + 0.4 * cos(vec3(0.0, 2.1, 4.2) + number * 0.8), 1.0); }";
-
-const NORMAL: &str = "#version 450
+const SURFACE: &str = "#version 450
 layout(push_constant) uniform Push { mat4 clip_of_world; vec4 eye; };
 layout(location = 0) in vec3 at;
 layout(location = 1) in vec3 normal;
-layout(location = 0) out vec4 stored;
-void main() { stored = vec4(normalize(normal), distance(at, eye.xyz)); }";
+layout(location = 2) flat in int number;
+layout(location = 0) out vec4 color;
+layout(location = 1) out vec4 stored;
+void main() {
+    color = vec4(0.55 + 0.4 * cos(vec3(0.0, 2.1, 4.2) + number * 0.8), 1.0);
+    stored = vec4(normalize(normal), distance(at, eye.xyz));
+}";
 
 const WHOLE: &str = "#version 450
 layout(push_constant) uniform Push { mat4 world_of_clip; vec4 eye; };
@@ -96,8 +91,7 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Picture> {
         |name, format| Image::new(gpu, &ImageInfo::new(name, extent, format, ImageUse::Attachment));
     let (colors, normals) =
         (image("colors", Format::Rgba8Unorm)?, image("normals", Format::Rgba16Float)?);
-    let (depth, picture) =
-        (image("depth", Format::D32Float)?, image("picture", Format::Rgba8Srgb)?);
+    let picture = image("picture", Format::Rgba8Srgb)?;
     let eye = Vec3::new(2.2, 4.4, 5.2);
     let aspect = extent.width as f32 / extent.height as f32;
     let clip_of_world =
@@ -118,20 +112,17 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Picture> {
         .push_constants(bytemuck::cast_slice(&push(clip_of_world)))
         .instances(9);
 
-    let first = Pass::new("colours of surfaces", extent)
-        .colors([ColorTarget::on_device(&colors, LoadOp::Clear([0.0; 4]))])
-        .depth(DepthTarget::on_device(&depth, LoadOp::Clear(1.0)))
-        .pipelines([pipeline(VERTEX, COLOR)?])
-        .draws([surfaces.clone()]);
-
-    let second = Pass::new("normals and distances of surfaces", extent)
-        .colors([ColorTarget::on_device(&normals, LoadOp::Clear([0.0; 4]))])
-        .depth(DepthTarget::on_device(&depth, LoadOp::Load))
-        .pipelines([pipeline(VERTEX, NORMAL)?.depth(DepthState::new(Compare::LessOrEqual))])
+    let first = Pass::new("surfaces", extent)
+        .colors([
+            ColorTarget::on_device(&colors, LoadOp::Clear([0.0; 4])),
+            ColorTarget::on_device(&normals, LoadOp::Clear([0.0; 4])),
+        ])
+        .depth(DepthTarget::transient(1.0))
+        .pipelines([pipeline(VERTEX, SURFACE)?])
         .draws([surfaces]);
 
     let sampled = |image| Binding::sampled(Texture::on_device(image), Sampler::nearest());
-    let third = Pass::new("light", extent)
+    let second = Pass::new("light", extent)
         .colors([ColorTarget::on_device(&picture, LoadOp::Clear([0.0; 4]))])
         .pipelines([pipeline(WHOLE, LIGHT)?])
         .draws([Draw::new(0, 3)
@@ -140,9 +131,8 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Picture> {
 
     let mut renderer = Renderer::new(gpu)?;
     let mut frame = renderer.begin()?;
-    for pass in [&first, &second, &third] {
-        frame.encode(pass)?;
-    }
+    frame.encode(&first)?;
+    frame.encode(&second)?;
     frame.submit()?.wait()?;
     picture.download(0)
 }

@@ -33,6 +33,7 @@ struct Batch {
 struct Clear {
     vec4 color;
     uint pixels;
+    uint first;
 };
 
 struct Commands {
@@ -79,14 +80,10 @@ struct Piece {
     uint draw_id;
     uint front_face;
     uint cut;
-    uint depth_test;
+    uint depth_state;
     ivec2 rect_min;
     ivec2 rect_max;
-    uint depth_write;
-    uint depth_compare;
-    uint blend;
-    uint blend_color;
-    uint blend_alpha;
+    uint color_states[MAX_COLORS];
 };
 
 struct Attribute {
@@ -120,10 +117,9 @@ struct QuadPiece {
     uvec4 elements; // topology, first_element, index_slot, index_bytes
     uvec4 indices;  // base_vertex, first_instance, vertex_mode, vertex_min
     uvec4 stage;    // vertices_per_instance, instance_min, attribute_base, vertex_resources
-    uint draw_id, front_face, cut, depth_test;
+    uint draw_id, front_face, cut, depth_state;
     ivec2 rect_min, rect_max;
-    uvec4 output_state; // depth_write, depth_compare, blend, blend_color
-    uint blend_alpha;
+    uvec4 colors[MAX_COLORS / 4u]; // color_states
 };
 
 // `Triangle` by pairs of words, one pair for each lane of a quad in either half.

@@ -16,5 +16,5 @@ void main() {
     uvec2 words = color_encode(FORMAT_RGBA16_FLOAT, clear.color);
     uint first = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * GROUP * CLEAR_PIXELS;
     uint end = min(first + GROUP * CLEAR_PIXELS, clear.pixels);
-    for (uint i = first + gl_LocalInvocationIndex; i < end; i += GROUP) color[i] = words;
+    for (uint i = first + gl_LocalInvocationIndex; i < end; i += GROUP) color[clear.first + i] = words;
 }

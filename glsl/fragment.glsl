@@ -20,7 +20,17 @@ bool tw_HelperInvocation;
 
 vec3 perspective; // barycentric weights for smooth varyings
 vec3 linear;      // for noperspective ones
-uvec4 color_bits; // output location 0
+// A statement for each output location, by its number. It is written out, and the file is compiled for one colour target
+// and for all of them (COLORS): drivers take their time for code of targets that are not there.
+#if COLORS == 1
+#define EACH_COLOR(statement) statement(0u)
+#else
+#define EACH_COLOR(statement) \
+    statement(0u) statement(1u) statement(2u) statement(3u) statement(4u) statement(5u) statement(6u) statement(7u)
+#endif
+
+#define DECLARE(t) uvec4 color_bits_##t;
+EACH_COLOR(DECLARE)
 
 uint tw_resource(const in uint i) {
     return resource_slots[bound_resources + i];
@@ -68,7 +78,8 @@ uvec4 tw_input_flat(const in uint location) {
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
-    for (uint c = 0u; c < count && location == 0u; c++) color_bits[component + c] = value[c];
+#define PUT(t) for (uint c = 0u; c < count && location == t; c++) color_bits_##t[component + c] = value[c];
+    EACH_COLOR(PUT)
 }
 
 #define DERIVATIVES(T) \
@@ -87,7 +98,7 @@ DERIVATIVES(vec4)
 
 // The splicer replaces these bodies. They call every hook, so that the compiler keeps all hooks.
 void tw_user_bind() {
-    color_bits = tw_block_words(tw_resource(0u), 0u, 0u);
+    color_bits_0u = tw_block_words(tw_resource(0u), 0u, 0u);
 }
 
 void tw_user_bind_inputs() {
@@ -117,7 +128,8 @@ void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;
     tw_PrimitiveID = int((first_in_draw + (triangle.key >> KEY_LOG2) - 1u) % primitives_per_instance);
     tw_HelperInvocation = helper;
-    color_bits = uvec4(0u);
+#define RESET(t) color_bits_##t = uvec4(0u);
+    EACH_COLOR(RESET)
     tw_user_main();
 }
 #endif

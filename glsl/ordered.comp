@@ -1,5 +1,5 @@
 // Raster, z-test, shading and blending of order-dependent work: draws with blending, discard, depth
-// export or side effects, or with a depth test that opaque work cannot have.
+// export or side effects, and draws without the depth test and write that opaque work has (src/compute/mod.rs).
 //
 // Reads: the non-empty bins, the sorted lists of their cells, triangles, positions, varyings and
 // whatever the shader binds.
@@ -18,10 +18,10 @@ layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 
 #include "fragment.glsl"
 #include "lib/cells.glsl"
+#include "lib/coverage.glsl"
 #include "lib/blend.glsl"
 #include "lib/patch.glsl"
 
-layout(constant_id = SPEC_FORMAT) const uint FORMAT = FORMAT_RGBA8_UNORM;
 layout(constant_id = SPEC_DEPTH) const uint DEPTH = DEPTH_EARLY_TEST;
 layout(local_size_x_id = SPEC_WIDTH) in;
 layout(scalar, binding = 5) readonly buffer Bins { uint bins[]; };
@@ -31,6 +31,7 @@ layout(scalar, binding = 8) buffer Depth { float depth[]; };
 layout(scalar, binding = 9) writeonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 10) buffer Color { uint color[]; };
 layout(scalar, binding = 11) writeonly buffer BinBounds { vec2 bin_bounds[]; };
+#include "targets.glsl"
 
 // A patch has as many pixels as a subgroup has lanes. A lane keeps one bit for each patch of the bin, row by
 // row. A narrow subgroup has more patches than a word has bits, so it takes the bin in parts.
@@ -43,25 +44,32 @@ bool compare(const uint operation, const float a, const float b) {
     return (operation & ((a < b ? COMPARE_LESS : 0u) | (a == b ? COMPARE_EQUAL : 0u) | (a > b ? COMPARE_GREATER : 0u))) != 0u;
 }
 
-// Writes the shader's colour; `equations` are those of colour and alpha, if the piece blends.
-void write_color(const uint at, const bool blends, const uvec2 equations) {
-    vec4 source = uintBitsToFloat(color_bits);
+// Writes the colour of a target, `bits`; `state` is what the piece has of the target's state.
+void write_color(const uint target, const uint pixel, const uint state, const uvec4 bits) {
+    uint format = format_of(target), mask = state >> COLOR_MASK_SHIFT, at = color_place(target, pixel);
+    if (mask == 0u) return;
+    vec4 source = uintBitsToFloat(bits);
+    bool blends = (state & COLOR_BLENDS) != 0u;
+    uvec2 held = uvec2(0u);
+    if (blends || mask != 15u) {
+        held.x = color[at];
+        if (color_words(format) == 2u) held.y = color[at + 1u];
+    }
     if (blends) {
-        if (FORMAT != FORMAT_RGBA16_FLOAT) {
+        uvec2 equations = uvec2(state, state >> COLOR_ALPHA_SHIFT) & ((1u << BLEND_BITS) - 1u);
+        if (format != FORMAT_RGBA16_FLOAT) {
             source = saturate(source);
             // In real scenes, large parts of leaves, fences and glass are fully transparent.
             if (source.a == 0.0 && blend_keeps(equations.x, equations.y)) return;
         }
-        uvec2 held = FORMAT == FORMAT_RGBA16_FLOAT ? uvec2(color[2u * at], color[2u * at + 1u]) : uvec2(color[at], 0u);
-        source = blend(equations.x, equations.y, source, color_decode(FORMAT, held));
+        source = blend(equations.x, equations.y, source, color_decode(format, held));
     }
-    uvec2 words = color_encode(FORMAT, source);
-    if (FORMAT == FORMAT_RGBA16_FLOAT) {
-        color[2u * at] = words.x;
-        color[2u * at + 1u] = words.y;
-    } else {
-        color[at] = words.x;
+    uvec2 words = color_encode(format, source);
+    if (mask != 15u) {
+        uvec2 written = channel_bits(format, mask);
+        words = (words & written) | (held & ~written);
     }
+    store_color(target, pixel, words);
 }
 
 void draw(const uint key, const uint bin, const ivec2 local_origin) {
@@ -77,15 +85,15 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     if (any(lessThan(high, ivec2(0))) || any(greaterThan(low, BIN_LAST))) return;
     Edges edges = edges_from(ivec3(x_low.xyz), ivec3(y_high.xyz), origin, 0u);
     ivec3 least = edges.at + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
-    bool covers = (least.x | least.y | least.z) >= 0 && all(lessThanEqual(low, ivec2(0))) && all(greaterThanEqual(high, BIN_LAST));
+    bool covers = COVERS_WHOLE_BINS && (least.x | least.y | least.z) >= 0 && all(lessThanEqual(low, ivec2(0))) && all(greaterThanEqual(high, BIN_LAST));
     uvec4 depth_piece = of_first_half(triangles[t].shading[QUAD_LANE]);
     uint piece = depth_piece.w;
     vec3 z_plane = uintBitsToFloat(depth_piece.xyz);
-    uvec4 state = of_quad(pieces[piece].output_state[QUAD_LANE]);
-    bool test = pieces[piece].depth_test != 0u, write = test && state.x != 0u;
-    uint operation = state.y;
-    bool blends = state.z != 0u;
-    uvec2 equations = uvec2(state.w, pieces[piece].blend_alpha);
+    uint depth_state = pieces[piece].depth_state, operation = depth_state >> DEPTH_STATE_COMPARE_SHIFT;
+    bool test = (depth_state & DEPTH_STATE_TEST) != 0u, write = (depth_state & DEPTH_STATE_WRITE) != 0u;
+    uvec4 states[MAX_COLORS / 4u];
+    states[0] = of_quad(pieces[piece].colors[0][QUAD_LANE]);
+    if (MORE_FORMATS != 0xffffffffu) states[1] = of_quad(pieces[piece].colors[1][QUAD_LANE]);
 
     uvec2 first_patch = uvec2(max(low, 0)) >> uvec2(PATCH_X_LOG2, PATCH_Y_LOG2);
     uvec2 last_patch = uvec2(min(high, BIN_LAST)) >> uvec2(PATCH_X_LOG2, PATCH_Y_LOG2);
@@ -103,7 +111,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                 bool alive = true;
                 if (!covers) {
                     ivec3 e = at_column + edges.dy * y;
-                    alive = (e.x | e.y | e.z) >= 0 && across && y >= low.y && y <= high.y;
+                    alive = covered(e, origin + ivec2(x, y)) && across && y >= low.y && y <= high.y;
                 }
                 if (alive && test && DEPTH != DEPTH_LATE) {
                     uint at = uint(local_origin.y + y) * batch.width + uint(local_origin.x + x);
@@ -138,7 +146,8 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                     uint pixel = tile_index(uvec2(p));
                     visibility[bin * BIN_QUADS + (pixel >> 2)][pixel & 3u] = key;
                 }
-                write_color(at, blends, equations);
+#define WRITE(t) if (format_of(t) != NO_FORMAT) write_color(t, at, states[t >> 2][t & 3u], color_bits_##t);
+                EACH_COLOR(WRITE)
             }
         }
     }

@@ -27,6 +27,7 @@ layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
 
 #include "bin.glsl"
 #include "lib/cells.glsl"
+#include "lib/coverage.glsl"
 
 layout(local_size_x_id = SPEC_WIDTH) in;
 layout(scalar, binding = 0) readonly buffer Bins { uint bins[]; };
@@ -90,7 +91,7 @@ void main() {
                 ivec3 least = edges.at + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
                 ivec3 most = edges.at + max(edges.dx, 0) * BIN_LAST.x + max(edges.dy, 0) * BIN_LAST.y;
                 vec2 bounds = depth_bounds(plane, origin, BIN_LAST);
-                bool covers = (least.x | least.y | least.z) >= 0 && inside && all(lessThanEqual(low, ivec2(0))) &&
+                bool covers = COVERS_WHOLE_BINS && (least.x | least.y | least.z) >= 0 && inside && all(lessThanEqual(low, ivec2(0))) &&
                               all(greaterThanEqual(high, BIN_LAST));
                 uvec4 mask = lanes_where(live && (most.x | most.y | most.z) >= 0), covering = lanes_where(covers);
                 while (single && has_lanes(mask)) {
@@ -148,8 +149,8 @@ void main() {
                         left &= left - 1u;
                         ivec2 step = ivec2(tile_pixel(i));
                         ivec3 e = start + dx * step.x + dy * step.y;
-                        bool wins = (e.x | e.y | e.z) >= 0;
                         ivec2 p = block + lane_pixel + step; // in the bin
+                        bool wins = covered(e, origin + p);
                         if (cut_j) wins = wins && all(greaterThanEqual(p, low_j)) && all(lessThanEqual(p, high_j));
                         if (wins) {
                             float z = depth_at(plane_j.x, plane_j.y, plane_j.z, origin + p);

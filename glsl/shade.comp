@@ -19,11 +19,11 @@ layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 
 #include "fragment.glsl"
 
-layout(constant_id = SPEC_FORMAT) const uint FORMAT = FORMAT_RGBA8_UNORM;
 layout(local_size_x_id = SPEC_WIDTH) in;
 layout(scalar, binding = 5) readonly buffer ShadeBins { uvec2 shade_bins[]; };
 layout(scalar, binding = 6) readonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 7) writeonly buffer Color { uint color[]; };
+#include "targets.glsl"
 
 // `key`, or 0 if another fragment kernel shades its triangle.
 uint own_key(const uint key) {
@@ -82,14 +82,9 @@ void main() {
             shade(bind_triangle(key), ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
             // No `continue`: the lanes of the quad must be together again for the next pair.
             if (mine) {
-                uvec2 words = color_encode(FORMAT, uintBitsToFloat(color_bits));
                 uint at = pixel.y * batch.width + pixel.x;
-                if (FORMAT == FORMAT_RGBA16_FLOAT) {
-                    color[2u * at] = words.x;
-                    color[2u * at + 1u] = words.y;
-                } else {
-                    color[at] = words.x;
-                }
+#define STORE(t) if (format_of(t) != NO_FORMAT) store_color(t, at, color_encode(format_of(t), uintBitsToFloat(color_bits_##t)));
+                EACH_COLOR(STORE)
             }
         }
     }

@@ -74,8 +74,11 @@ shared_constants! {
     pub const SPEC_COMPARE: u32 = 1;
     /// Specialization constant: whether raster keeps the pixels of a bin in the targets' own memory.
     pub const SPEC_IN_PLACE: u32 = 6;
-    /// Specialization constant: the colour format.
-    pub const SPEC_FORMAT: u32 = 2;
+    /// Specialization constant: the formats of the first four colour targets, a byte each, [`NO_FORMAT`] where there is no
+    /// target.
+    pub const SPEC_FORMATS: u32 = 2;
+    /// Specialization constant: the formats of the other four.
+    pub const SPEC_MORE_FORMATS: u32 = 3;
     /// Specialization constant: when the depth test happens, one of `DEPTH_*`.
     pub const SPEC_DEPTH: u32 = 4;
     /// Specialization constant: a bit for each varying location that the fragment shader reads. Outputs of the
@@ -128,12 +131,35 @@ shared_constants! {
     /// [`Triangle::flags`]: first bit of the number of triangles its primitive was clipped into, less one.
     pub const TRIANGLE_EXTRA_SHIFT: u32 = 8;
 
-    /// [`Piece::blend_color`]: bits of a factor.
-    pub const BLEND_FACTOR_BITS: u32 = 4;
-    /// [`Piece::blend_color`]: first bit of the target's factor; the source's comes before.
+    /// Most colour targets.
+    pub const MAX_COLORS: u32 = 8;
+    /// In the place of the format of a colour target that is not there.
+    pub const NO_FORMAT: u32 = 255;
+    /// Every colour target of a band has room for a multiple of so many pixels, so that the next one begins where texels of
+    /// any format may.
+    pub const PLANE_PIXELS: u32 = 4;
+
+    /// [`Piece::depth_state`]: the depth test is on.
+    pub const DEPTH_STATE_TEST: u32 = 1;
+    /// [`Piece::depth_state`]: a fragment that passes writes its depth.
+    pub const DEPTH_STATE_WRITE: u32 = 2;
+    /// [`Piece::depth_state`]: first bit of the `Compare`.
+    pub const DEPTH_STATE_COMPARE_SHIFT: u32 = 2;
+
+    /// A blend equation: bits of a factor. The source's factor comes first.
+    pub const BLEND_FACTOR_BITS: u32 = 5;
+    /// A blend equation: first bit of the target's factor.
     pub const BLEND_TARGET_SHIFT: u32 = BLEND_FACTOR_BITS;
-    /// [`Piece::blend_color`]: first bit of the operation.
+    /// A blend equation: first bit of the operation.
     pub const BLEND_OP_SHIFT: u32 = 2 * BLEND_FACTOR_BITS;
+    /// Bits of a blend equation.
+    pub const BLEND_BITS: u32 = BLEND_OP_SHIFT + 3;
+    /// [`Piece::color_states`]: first bit of alpha's equation; colour's comes before.
+    pub const COLOR_ALPHA_SHIFT: u32 = BLEND_BITS;
+    /// [`Piece::color_states`]: the equations are applied.
+    pub const COLOR_BLENDS: u32 = 1 << (2 * BLEND_BITS);
+    /// [`Piece::color_states`]: first of four bits that say which channels are written, red first.
+    pub const COLOR_MASK_SHIFT: u32 = 2 * BLEND_BITS + 1;
 }
 
 const _: () = assert!(WINDOW_OVERLAP == 4 * 4, "four components of four bytes at most");
@@ -193,6 +219,8 @@ pub struct Clear {
     pub color: [f32; 4],
     /// Pixels of the band.
     pub pixels: u32,
+    /// The texel of the rows that is the target's first.
+    pub first: u32,
 }
 
 /// The push constants of the kernel that makes pieces of draw commands.
@@ -288,22 +316,14 @@ pub struct Piece {
     pub front_face: u32,
     /// Whether `rect_min..=rect_max` is smaller than the target.
     pub cut: u32,
-    /// Depth test: 0 off, 1 on.
-    pub depth_test: u32,
+    /// The depth test, at `DEPTH_STATE_*`.
+    pub depth_state: u32,
     /// First pixel of viewport and scissor, x then y.
     pub rect_min: [i32; 2],
     /// Last pixel of viewport and scissor, x then y.
     pub rect_max: [i32; 2],
-    /// Depth write: 0 off, 1 on.
-    pub depth_write: u32,
-    /// Depth `Compare`.
-    pub depth_compare: u32,
-    /// Blending: 0 off, 1 on.
-    pub blend: u32,
-    /// Blend factors and operation of the colour, at `BLEND_*`.
-    pub blend_color: u32,
-    /// Blend factors and operation of alpha, at `BLEND_*`.
-    pub blend_alpha: u32,
+    /// For each colour target its blend equations and which channels are written, at `COLOR_*`.
+    pub color_states: [u32; MAX_COLORS as usize],
 }
 
 /// The memory that one input location of a vertex shader reads.

@@ -16,6 +16,9 @@ pub const CELL_LOG2: [u32; abi::CELL_LEVELS as usize] =
 /// Most bins of a band: 2^15 bins are 2^23 pixels, 64 MiB at 8 bytes a pixel.
 pub const MAX_BAND_BINS: u32 = 1 << 15;
 
+/// Most bytes of a band's colour targets.
+const MAX_COLOR_BYTES: usize = 1 << 27;
+
 /// One band of a target and its division into bins and cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
@@ -36,11 +39,14 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The bands of a target from top to bottom.
-    pub fn bands(target: Extent) -> impl Iterator<Item = Grid> {
+    /// The bands of targets from top to bottom, whose colours have so many bytes a pixel together.
+    pub fn bands(target: Extent, color_bytes: usize) -> impl Iterator<Item = Grid> + use<> {
         let bin = 1 << abi::BIN_SIZE_LOG2;
         let bins_x = target.width.div_ceil(bin);
-        let rows = (MAX_BAND_BINS / bins_x) * bin;
+        let most = MAX_COLOR_BYTES / (abi::BIN_PIXELS as usize * color_bytes.max(1));
+        let most = MAX_BAND_BINS.min(most as u32);
+        // The widest target with the most bytes has several rows of bins.
+        let rows = (most / bins_x) * bin;
         (0..target.height.div_ceil(rows)).map(move |band| {
             let origin_y = band * rows;
             Grid::new(Extent::new(target.width, rows.min(target.height - origin_y)), origin_y)
@@ -63,6 +69,11 @@ impl Grid {
             cell_columns,
             cells,
         }
+    }
+
+    /// Pixels that each colour target of the band has room for.
+    pub const fn plane_pixels(&self) -> usize {
+        self.extent.pixels().next_multiple_of(abi::PLANE_PIXELS as usize)
     }
 
     /// Bins of the band.

@@ -10,7 +10,7 @@ use crate::{
     format::{Format, VertexFormat},
     image::Extent,
     shader::Shader,
-    state::{Blend, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
+    state::{ColorState, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
     vk,
@@ -28,7 +28,7 @@ mod written;
 
 pub use buffer::{BufferRange, BufferSource};
 pub use indices::IndexRanges;
-pub(crate) use validate::{Known, check_color_targets};
+pub(crate) use validate::{Known, check_color_targets, check_outputs};
 
 /// How often a vertex binding advances.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -105,8 +105,9 @@ pub struct Pipeline {
     pub front_face: FrontFace,
     /// The depth test.
     pub depth: DepthState,
-    /// Blending; `None` overwrites.
-    pub blend: Option<Blend>,
+    /// How fragments change the colour targets, one for each; the last one counts for all targets beyond the list. An empty
+    /// list stands for [`ColorState::OVERWRITE`].
+    pub colors: Vec<ColorState>,
 }
 
 impl Pipeline {
@@ -128,8 +129,13 @@ impl Pipeline {
             cull: Cull::default(),
             front_face: FrontFace::default(),
             depth: DepthState::default(),
-            blend: None,
+            colors: Vec::new(),
         }
+    }
+
+    /// How fragments change the colour target with this number.
+    pub fn color_state(&self, target: usize) -> ColorState {
+        self.colors.get(target).or(self.colors.last()).copied().unwrap_or_default()
     }
 }
 
@@ -385,7 +391,7 @@ pub struct Pass {
     pub label: String,
     /// Size of all targets, 1 to 16384 in each direction.
     pub extent: Extent,
-    /// The colour targets, by `layout(location = …)` of the fragment shaders: one, or none where only depth matters.
+    /// The colour targets, by `layout(location = …)` of the fragment shaders: up to 8, or none where only depth matters.
     pub colors: Vec<ColorTarget>,
     /// The depth target, if there is one.
     pub depth: Option<DepthTarget>,
@@ -407,13 +413,18 @@ impl Pass {
             draws: Vec::new(),
         }
     }
+
+    /// Bytes of a pixel of all colour targets.
+    pub(crate) fn color_bytes(&self) -> usize {
+        self.colors.iter().map(|color| color.format.texel_bytes()).sum()
+    }
 }
 
 /// The targets of a [`Pass`] that are stored, as a device executor returns them.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Frame {
-    /// The colour targets, in the order of the pass.
+    /// The colour targets that are stored, in the order of the pass.
     pub colors: Vec<crate::image::Picture>,
     /// The depth target, if it is stored.
     pub depth: Option<crate::image::Picture>,
@@ -425,7 +436,7 @@ impl Frame {
         Self { colors, depth }
     }
 
-    /// The first colour target, if there is one.
+    /// The first colour target that is stored, if there is one.
     pub fn into_color(self) -> Option<crate::image::Picture> {
         self.colors.into_iter().next()
     }

@@ -40,18 +40,20 @@ pub const SHADE: &[u32] = file!("shade.comp");
 /// `ordered.comp`.
 pub const ORDERED: &[u32] = file!("ordered.comp");
 
-/// All kernels, by the names of their GLSL files.
-pub const KERNELS: &[(&str, &[u32])] = &[
-    ("binning_scan.comp", file!("binning_scan.comp")),
-    ("binning_scatter.comp", file!("binning_scatter.comp")),
-    ("binning_sort.comp", file!("binning_sort.comp")),
-    ("clear.comp", file!("clear.comp")),
-    ("commands.comp", file!("commands.comp")),
-    ("ordered.comp", ORDERED),
-    ("primitive.comp", file!("primitive.comp")),
-    ("raster.comp", file!("raster.comp")),
-    ("shade.comp", SHADE),
-    ("vertex.comp", VERTEX),
+/// All kernels: the name of the GLSL file, the most colour targets, the words.
+pub const KERNELS: &[(&str, u32, &[u32])] = &[
+    ("binning_scan.comp", 1, file!("binning_scan.comp")),
+    ("binning_scatter.comp", 1, file!("binning_scatter.comp")),
+    ("binning_sort.comp", 1, file!("binning_sort.comp")),
+    ("clear.comp", 1, file!("clear.comp")),
+    ("commands.comp", 1, file!("commands.comp")),
+    ("ordered.comp", 1, ORDERED),
+    ("ordered.comp", 8, file!("8-ordered.comp")),
+    ("primitive.comp", 1, file!("primitive.comp")),
+    ("raster.comp", 1, file!("raster.comp")),
+    ("shade.comp", 1, SHADE),
+    ("shade.comp", 8, file!("8-shade.comp")),
+    ("vertex.comp", 1, VERTEX),
 ];
 
 /// The macros that every kernel is compiled with.

@@ -236,6 +236,44 @@ impl Blend {
     }
 }
 
+/// How fragments change a colour target, as `VkPipelineColorBlendAttachmentState`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub struct ColorState {
+    /// Blending; `None` overwrites.
+    pub blend: Option<Blend>,
+    /// Which channels are written: red, green, blue, alpha. The others keep what they hold.
+    pub write: [bool; 4],
+}
+
+impl ColorState {
+    /// Fragments overwrite all channels.
+    pub const OVERWRITE: Self = Self { blend: None, write: [true; 4] };
+
+    /// Whether a fragment decides by itself what the target holds.
+    pub(crate) fn overwrites(&self) -> bool {
+        *self == Self::OVERWRITE
+    }
+
+    /// Whether fragments change the target.
+    pub(crate) fn writes(&self) -> bool {
+        self.write.contains(&true)
+    }
+
+    setters! {
+        write: [bool; 4],
+        ;
+        into
+        blend: Option<Blend>,
+    }
+}
+
+impl Default for ColorState {
+    fn default() -> Self {
+        Self::OVERWRITE
+    }
+}
+
 /// The viewport transform, in pixels, as `VkViewport`. A negative height flips y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewport {

@@ -70,7 +70,7 @@ fn culled_stones_are_out_of_sight() {
     });
 }
 
-/// The depths of two passes are equal, so that no pixel of a surface is lost between them.
+/// No pixel of a surface is lost between the two passes.
 #[test]
 fn the_gbuffer_has_no_holes() {
     on_each_gpu("the G-buffer has no holes", |gpu| {

@@ -34,6 +34,13 @@ fn images_begin_with_zeros_and_hold_what_is_uploaded() {
             }
             let error = image.download(3).unwrap_err();
             assert!(error.to_string().contains("no level 3"), "{error}");
+            // The levels below stay.
+            let other: Vec<u8> = levels[0].iter().map(|byte| byte ^ 1).collect();
+            image.upload(&[&other]).unwrap();
+            assert_eq!(image.download(0).unwrap().bytes, other, "{format:?}");
+            for (n, level) in levels.iter().enumerate().skip(1) {
+                assert_eq!(image.download(n as u32).unwrap().bytes, *level, "{format:?} {n}");
+            }
         }
         let depth = target(gpu, "depth", Extent::new(1, 1), Format::D32Float);
         let error = depth.upload::<&[u8]>(&[]).unwrap_err();

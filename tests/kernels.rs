@@ -360,16 +360,22 @@ fn transparent_fragments_leave_texels_alone() {
         // A texel, both equations, and a source of three half floats, any bits.
         let inputs: Vec<[u32; 4]> = (0..CASES)
             .map(|i| {
-                let mut equation = || match random.below(2) {
-                    0 => [0x16, 0x76, 0x71, 0x11][random.below(4)],
-                    _ => random.below(10) | random.below(10) << 4 | random.below(5) << 8,
+                let mut equation = || {
+                    // One or source alpha, and one or one minus that, are among those that keep texels.
+                    let [src, dst, op] = match random.below(2) {
+                        0 => [[6, 1, 0], [6, 7, 0], [1, 7, 0], [1, 1, 0]][random.below(4)],
+                        _ => [random.below(10), random.below(10), random.below(5)],
+                    };
+                    src as u32
+                        | (dst as u32) << abi::BLEND_TARGET_SHIFT
+                        | (op as u32) << abi::BLEND_OP_SHIFT
                 };
-                let equations = (equation() | equation() << 12) as u32;
+                let equations = equation() | equation() << abi::COLOR_ALPHA_SHIFT;
                 let texel = (i as u32 % 256) * 0x0101_0101;
                 [texel, equations, random.bits() as u32, random.bits() as u32]
             })
             .collect();
-        let body = "uint c = v.y & 0xfffu, a = v.y >> 12;
+        let body = "uint c = v.y & ((1u << BLEND_BITS) - 1u), a = v.y >> COLOR_ALPHA_SHIFT;
             vec4 source = saturate(vec4(unpackHalf2x16(v.z), unpackHalf2x16(v.w).x, -0.0));
             r = uvec4(v.x, v.x, blend_keeps(c, a) ? 1u : 0u, 0u);
             if (r.z != 0u) {

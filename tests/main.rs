@@ -6,6 +6,7 @@ mod bench;
 mod blocks;
 mod classic;
 mod cli;
+mod colors;
 mod common;
 mod compile;
 mod devices;

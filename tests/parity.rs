@@ -10,7 +10,7 @@ use tilewright::{
     compare::{self, Difference, Drawn, Limits},
     compute,
     format::Format,
-    image::{Extent, half_to_f32},
+    image::{Extent, Picture, half_to_f32},
     pass::{BufferRange, BufferSource, Draw, Executor, Pass, Pipeline},
     scene::{PassOptions, Scene},
     shader::{Shader, Stage},
@@ -81,7 +81,8 @@ fn built_in_scenes() {
         // What the device's fixed function adds on the way into 8 bits.
         for format in [Format::Rgba8Srgb, Format::Rgba8Unorm] {
             let pass = scene_pass(&scene, extent, format);
-            let blends = pass.pipelines.iter().any(|pipeline| pipeline.blend.is_some());
+            let blends =
+                pass.pipelines.iter().any(|pipeline| pipeline.color_state(0).blend.is_some());
             let allowed = if blends { remains::blended_steps(format) } else { remains::STEPS };
             let steps = largest_step(&gpu, &pass);
             assert!(steps <= allowed, "{name}, {format:?}: {steps} of 255, {allowed} at most");
@@ -110,7 +111,7 @@ fn sizes_that_are_no_multiple_of_a_bin_and_the_largest() {
 }
 
 /// Overlapping triangles inside the viewport, in no order of depth.
-fn overlapping(pipeline: &Pipeline, format: Format, seed: u64) -> Pass {
+pub fn overlapping(pipeline: &Pipeline, format: Format, seed: u64) -> Pass {
     let mut random = Random::new(seed);
     let positions: Vec<[f32; 4]> = (0..60)
         .map(|_| [random.signed() * 0.99, random.signed() * 0.99, random.unit(), 1.0])
@@ -127,20 +128,24 @@ fn overlapping(pipeline: &Pipeline, format: Format, seed: u64) -> Pass {
 }
 
 /// The largest difference of a channel between the two executors' colours, in steps of 1/255.
-fn largest_step(gpu: &Gpu, pass: &Pass) -> f32 {
+pub fn largest_step(gpu: &Gpu, pass: &Pass) -> f32 {
     let a = compute::Renderer::new(gpu).unwrap().render(pass).unwrap();
     let b = classic::Renderer::new(gpu).unwrap().render(pass).unwrap();
-    let channels = |bytes: &[u8]| -> Vec<f32> {
-        match pass.colors[0].format {
-            Format::Rgba16Float => bytes
-                .chunks(2)
+    let channels = |picture: &Picture| -> Vec<f32> {
+        match picture.format {
+            Format::Rgba16Float => (picture.bytes.chunks(2))
                 .map(|h| half_to_f32(u16::from_le_bytes([h[0], h[1]])) * 255.0)
                 .collect(),
-            _ => bytes.iter().map(|&b| f32::from(b)).collect(),
+            _ => picture.bytes.iter().map(|&b| f32::from(b)).collect(),
         }
     };
-    let (a, b) = (channels(&a.colors[0].bytes), channels(&b.colors[0].bytes));
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    assert_eq!((a.colors.len(), b.colors.len()), (pass.colors.len(), pass.colors.len()));
+    let targets = a.colors.iter().zip(&b.colors);
+    let steps = |(a, b)| {
+        let both = channels(a).into_iter().zip(channels(b));
+        both.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    targets.map(steps).fold(0.0, f32::max)
 }
 
 /// Vulkan lets a shader write where no target is, and the size of points that it does not draw.

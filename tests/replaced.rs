@@ -113,6 +113,25 @@ fn fault(gpu: &Gpu, files: &[(&str, &str)]) -> Error {
 fn faults_in_stages_are_named() {
     let gpu = gpu();
     let said = |files: &[(&str, &str)]| fault(&gpu, files).to_string();
+    let text = said(&[("lib/key.glsl", "a"), ("lib/key.glsl", "b")]);
+    assert!(text.contains("`lib/key.glsl` is there twice"), "{text}");
+    let text = said(&[("lib/key.glsl", "//\n\0")]);
+    assert!(text.contains("lib/key.glsl") && text.contains("line 2: a NUL"), "{text}");
+    for (include, fault) in [
+        ("#include \"lib/key.glsl\"", "line 2: `lib/key.glsl` includes itself"),
+        ("# include \"lib/tile.glsl\"", "line 2: an include is"),
+        ("#include <lib/tile.glsl>", "line 2: an include is"),
+        ("#include \"lib/none.glsl\"", "no file `lib/none.glsl`"),
+    ] {
+        let text = said(&[("lib/key.glsl", &format!("//\n{include}\n"))]);
+        assert!(text.contains(fault), "{text}");
+    }
+    let chain: Vec<_> =
+        (0..2000).map(|n| (format!("{n}"), format!("#include \"{}\"\n", n + 1))).collect();
+    let chain = chain.iter().map(|(name, text)| (name.as_str(), text.as_str()));
+    let first = ("lib/key.glsl", "#include \"0\"\n");
+    let text = said(&[first].into_iter().chain(chain).collect::<Vec<_>>());
+    assert!(text.contains("include one another"), "{text}");
     let text = said(&[("lib/dept.glsl", "")]);
     assert!(text.contains("`lib/dept.glsl`") && text.contains("lib/depth.glsl"), "{text}");
     assert!(said(&[("abi.glsl", engine("abi.glsl"))]).contains("cannot be replaced"));
@@ -141,6 +160,65 @@ fn faults_in_stages_are_named() {
     assert!(text.contains("`Own`") || text.contains("`own`"), "{text}");
 }
 
+/// Shaders are spliced into functions and variables of these types. Drivers crash on calls of others.
+#[test]
+fn hooks_of_other_types_are_refused() {
+    let gpu = gpu();
+    for (old, new) in [
+        ("uint tw_resource(const in uint i)", "uint tw_resource(uint i)"),
+        (
+            "uint tw_resource(const in uint i) {",
+            "float tw_resource(const in uint i) { return 0.0; }\nuint other(const in uint i) {",
+        ),
+        (
+            "vec4 tw_input_smooth(const in uint location) {",
+            "void tw_input_smooth(const in uint location) {} vec4 other(const in uint location) {",
+        ),
+        (
+            "const in uint count, const in uvec4 value) {",
+            "const in uint count, inout uvec4 value) {",
+        ),
+        ("bool tw_HelperInvocation;", "int tw_HelperInvocation;"),
+        ("vec4 tw_FragCoord;", "vec3 tw_FragCoord;"),
+    ] {
+        let text = changed("fragment.glsl", old, new);
+        match Renderer::with_glsl(&gpu, &[("fragment.glsl", &text)]) {
+            Err(Error::Shader { shader, .. }) => {
+                assert!(["shade.comp", "ordered.comp"].contains(&shader.as_str()), "{shader}");
+            }
+            Err(other) => panic!("{new}: {other}"),
+            Ok(_) => panic!("{new} is taken"),
+        }
+    }
+}
+
+/// The example of the documentation.
+#[test]
+fn a_screen_door_covers_every_second_pixel() {
+    on_each_gpu("a screen door covers every second pixel", |gpu| {
+        let file = "lib/coverage.glsl";
+        let door = changed(file, "COVERS_WHOLE_BINS = true", "COVERS_WHOLE_BINS = false");
+        let door = door.replace(">= 0;", ">= 0 && ((pixel.x ^ pixel.y) & 1) == 0;");
+        let mut door = Renderer::with_glsl(gpu, &[(file, &door)]).unwrap();
+        let mut engine = Renderer::new(gpu).unwrap();
+        let shaders = twin::shaders();
+        for seed in 7900..7916 {
+            let pass = twin::random_pass(seed, &shaders);
+            let width = pass.extent.width as usize;
+            let [door, all] = [&mut door, &mut engine].map(|r| r.render(&pass).unwrap());
+            let LoadOp::Clear(cleared) = pass.depth.as_ref().unwrap().load else { panic!() };
+            let depths = door.depth.unwrap().depths().into_iter().zip(all.depth.unwrap().depths());
+            let colors = door.colors[0].bytes.chunks(4).zip(all.colors[0].bytes.chunks(4));
+            for (i, ((a, b), (door, all))) in colors.zip(depths).enumerate() {
+                let open = ((i % width) ^ (i / width)) & 1 == 0;
+                let what = format!("{}, seed {seed}, pixel {i}", gpu.info());
+                assert_eq!(a, if open { b } else { &[0; 4] }, "{what}");
+                assert_eq!(door, if open { all } else { cleared }, "{what}");
+            }
+        }
+    });
+}
+
 /// Wrong numbers between the stages reach no memory of others. What is drawn does not matter.
 #[test]
 fn stages_that_break_their_contracts_end() {
@@ -165,6 +243,15 @@ fn stages_that_break_their_contracts_end() {
                 renderer.render(&twin::random_pass(seed, &shaders)).unwrap();
             }
         }
+        // Numbers that the host would believe.
+        let wrong = changed(
+            "primitive.comp",
+            "uvec2(floatBitsToUint(plane.y), piece_index)",
+            "uvec2(floatBitsToUint(plane.y), 12345u)",
+        );
+        let mut renderer = Renderer::with_glsl(gpu, &[("primitive.comp", &wrong)]).unwrap();
+        let fault = renderer.trace(&twin::random_pass(100, &shaders)).unwrap_err();
+        assert!(fault.to_string().contains("leaves no trace"), "{fault}");
         // Nothing is left behind.
         let pass = twin::random_pass(100, &shaders);
         let [first, second] = [(); 2].map(|()| Renderer::new(gpu).unwrap().render(&pass).unwrap());

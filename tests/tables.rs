@@ -130,3 +130,52 @@ fn kernels_that_compute_with_pointers_are_refused() {
     let error = Kernel::new(&gpu(), &KernelInfo::new("pointers", &spirv)).unwrap_err();
     assert!(error.to_string().contains("VariablePointers"), "{error}");
 }
+
+/// A workgroup's memory and an invocation's own have bounds too, which no device checks.
+#[test]
+fn indices_beyond_arrays_reach_nothing_else() {
+    on_each_gpu("indices beyond arrays reach nothing else", |gpu| {
+        let source = "#version 460
+layout(local_size_x = 16) in;
+layout(constant_id = 3) const uint LENGTH = 16u;
+layout(std430, binding = 0) buffer Numbers { uint numbers[]; };
+struct Part { uint a[4]; vec4 b; };
+shared uint s[LENGTH];
+shared Part parts[2];
+uint own[4];
+void wild(inout uint list[4], uint at) { list[at] = 5u; }
+void main() {
+    uint far = numbers[0] * 1048583u + gl_LocalInvocationIndex * 16777259u;
+    s[far] = 3u;
+    parts[far].a[far] = 4u;
+    parts[int(far) - 7].b[far] = 2.0;
+    wild(parts[1].a, far);
+    own[far] = 7u;
+    uint local[8];
+    for (uint i = 0u; i < 8u; i++) local[i] = i;
+    local[far] = 9u;
+    barrier();
+    numbers[1u + gl_LocalInvocationIndex] = s[LENGTH - 1u] + own[3] + local[7] + uint(parts[1].b.w);
+}";
+        let kernel = Kernel::from_glsl(gpu, "wild", source).unwrap();
+        let numbers = Buffer::with_content(gpu, "numbers", &[4_000_000_007u32; 17]).unwrap();
+        let mut recorder = Recorder::new(gpu, "wild").unwrap();
+        recorder.kernel(&kernel).bind("Numbers", &numbers).dispatch([1, 1, 1]).unwrap();
+        let read = recorder.download(&numbers).unwrap();
+        recorder.submit().unwrap();
+        // The last element of each stands for all beyond it.
+        assert_eq!(read.read().unwrap()[1..], [3 + 7 + 9 + 2; 16]);
+    });
+}
+
+#[test]
+fn more_shared_memory_than_there_is_is_refused() {
+    let gpu = gpu();
+    let source = "#version 460
+layout(local_size_x = 16) in;
+layout(std430, binding = 0) buffer Numbers { uint numbers[]; };
+shared uvec4 many[268435457];
+void main() { many[gl_LocalInvocationIndex] = uvec4(1u); barrier(); numbers[0] = many[3].x; }";
+    let error = Kernel::from_glsl(&gpu, "many", source).unwrap_err();
+    assert!(error.to_string().contains("shares 4294967312 bytes"), "{error}");
+}

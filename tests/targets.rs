@@ -344,7 +344,7 @@ void main() { color = texture(image, vec2(0)); }";
         }
     };
     let picture = |format, extent| Arc::new(image::Picture::zeroed(extent, format));
-    refused(&["2 colour targets", "at most 1"], &|p| p.colors.push(p.colors[0].clone()));
+    refused(&["9 colour targets", "at most 8"], &|p| p.colors = vec![p.colors[0].clone(); 9]);
     refused(&["nothing to load"], &|p| {
         (p.colors[0].image, p.colors[0].load) = (None, LoadOp::Load);
     });

@@ -43,7 +43,21 @@ vec4 unpack_unorm8(const uint w) {
     return vec4(w & 0xffu, (w >> 8) & 0xffu, (w >> 16) & 0xffu, w >> 24) * (1.0 / 255.0);
 }
 
-// The words of a pixel; 8-bit formats use the first only.
+// Words of a texel.
+uint color_words(const uint format) {
+    return format == FORMAT_RGBA16_FLOAT ? 2u : 1u;
+}
+
+// The bits of a texel's words that belong to the channels of `mask`, red in its lowest bit.
+uvec2 channel_bits(const uint format, const uint mask) {
+    uvec4 on = -uvec4(mask & 1u, (mask >> 1) & 1u, (mask >> 2) & 1u, (mask >> 3) & 1u);
+    if (format == FORMAT_RGBA16_FLOAT) {
+        return uvec2((on.r & 0xffffu) | (on.g & 0xffff0000u), (on.b & 0xffffu) | (on.a & 0xffff0000u));
+    }
+    return uvec2((on.r & 0xffu) | (on.g & 0xff00u) | (on.b & 0xff0000u) | (on.a & 0xff000000u), 0u);
+}
+
+// The words of a texel; 8-bit formats use the first only.
 uvec2 color_encode(const uint format, const vec4 c) {
     if (format == FORMAT_RGBA16_FLOAT) return uvec2(packHalf2x16(c.rg), packHalf2x16(c.ba));
     vec4 s = saturate(c);

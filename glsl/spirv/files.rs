@@ -18,6 +18,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("lib/cells.glsl", include_str!("../lib/cells.glsl")),
     ("lib/clip.glsl", include_str!("../lib/clip.glsl")),
     ("lib/color.glsl", include_str!("../lib/color.glsl")),
+    ("lib/coverage.glsl", include_str!("../lib/coverage.glsl")),
     ("lib/depth.glsl", include_str!("../lib/depth.glsl")),
     ("lib/edge.glsl", include_str!("../lib/edge.glsl")),
     ("lib/exact.glsl", include_str!("../lib/exact.glsl")),
@@ -35,5 +36,6 @@ pub const FILES: &[(&str, &str)] = &[
     ("raster.comp", include_str!("../raster.comp")),
     ("shade.comp", include_str!("../shade.comp")),
     ("shade_lists.glsl", include_str!("../shade_lists.glsl")),
+    ("targets.glsl", include_str!("../targets.glsl")),
     ("vertex.comp", include_str!("../vertex.comp")),
 ];

@@ -73,9 +73,8 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     };
     for name in kernels(glsl)? {
         let text = source::expand(&read, &name)?;
-        let words = compile(&name, &text, "comp", &defines)?;
-        let mut module = load(&name, &words)?;
         if name == "abi.comp" {
+            let module = load(&name, &compile(&name, &text, "comp", &defines)?)?;
             let structs = layout::assertions(&module, &text);
             let all = format!(
                 "//! The constants and layouts that the kernels were compiled with. Made by `cargo spirv`.\n\nuse crate::{{abi, format, state}};\n\n{}{structs}",
@@ -83,10 +82,17 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
             );
             files.insert("layout.rs".into(), all.into_bytes());
         } else {
-            engine::forbid_contraction(&mut module);
-            engine::number_constants(&mut module, constants::abi::SPEC_FIRST);
-            forget_local_names(&mut module);
-            files.insert(format!("{name}.spv"), bytes(&module.assemble()));
+            for colors in [1, constants::abi::MAX_COLORS] {
+                let all = format!("{defines}{}", engine::colors(colors));
+                let mut module = load(&name, &compile(&name, &text, "comp", &all)?)?;
+                engine::forbid_contraction(&mut module);
+                engine::number_constants(&mut module, constants::abi::SPEC_FIRST);
+                forget_local_names(&mut module);
+                files.insert(format!("{}.spv", variant(&name, colors)), bytes(&module.assemble()));
+                if !text.contains("EACH_COLOR") {
+                    break;
+                }
+            }
         }
         sources.insert(name, text);
     }
@@ -103,6 +109,11 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     let list: String = sources.iter().map(|(name, text)| source::entry(name, text)).collect();
     files.insert(source::LIST.into(), list.into_bytes());
     Ok(files)
+}
+
+/// The name of the kernel of the file `name` for so many colour targets.
+fn variant(name: &str, colors: u32) -> String {
+    if colors == 1 { name.into() } else { format!("{colors}-{name}") }
 }
 
 /// A list of the files that kernels are made of, for the library.

@@ -163,8 +163,8 @@ impl Pipelines<'_> {
             ],
             cull: if kind == Kind::Solid { Cull::Back } else { Cull::None },
             depth: DepthState { test: true, write: !blended, compare: Compare::Less },
-            blend: blended.then_some(Blend::ALPHA),
             ..Pipeline::new("surface", self.shaders.0.clone(), self.shaders.1.clone())
+                .blend(blended.then_some(Blend::ALPHA))
         }
     }
 }

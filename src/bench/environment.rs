@@ -78,8 +78,10 @@ fn llvm(name: &str) -> Option<&str> {
 
 /// A number that changes with any of the engine's kernels (FNV-1a over their SPIR-V).
 fn kernel_hash() -> String {
-    let bytes =
-        prebuilt::KERNELS.iter().flat_map(|(_, words)| words.iter()).flat_map(|w| w.to_le_bytes());
+    let bytes = prebuilt::KERNELS
+        .iter()
+        .flat_map(|(_, _, words)| words.iter())
+        .flat_map(|w| w.to_le_bytes());
     let hash = bytes.fold(0xcbf2_9ce4_8422_2325u64, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
     });

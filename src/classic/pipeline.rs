@@ -6,7 +6,7 @@ use crate::{
     format::{Component, Format, VertexFormat},
     pass::{Pass, Pipeline, StepRate, VertexAttribute},
     shader::{Resource, Shader, Varying},
-    state::{BlendEquation, BlendFactor, BlendOp, Cull, FrontFace, Topology},
+    state::{BlendEquation, BlendFactor, BlendOp, ColorState, Cull, FrontFace, Topology},
     vk::{Gpu, compare_op, missing_feature, vk_format},
 };
 use ash::vk;
@@ -18,7 +18,7 @@ use std::{
 /// The properties of the pass that a compiled pipeline depends on, beside its [`Pipeline`].
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
-    color: Option<Format>,
+    colors: Vec<Format>,
     depth: bool,
     /// The resources, with run-time arrays as long as the longest that the pass binds.
     resources: Vec<Resource>,
@@ -29,8 +29,8 @@ impl Variant {
     pub fn all(pass: &Pass) -> Result<Vec<Self>> {
         let variant = |pipeline: &Arc<Pipeline>| {
             let resources = pipeline.resources()?;
-            let color = pass.colors.first().map(|color| color.format);
-            Ok(Self { color, depth: pass.depth.is_some(), resources })
+            let colors = pass.colors.iter().map(|color| color.format).collect();
+            Ok(Self { colors, depth: pass.depth.is_some(), resources })
         };
         let mut all: Vec<Self> = pass.pipelines.iter().map(variant).collect::<Result<_>>()?;
         // The run-time arrays of each pipeline, with the length that is bound to them.
@@ -75,9 +75,9 @@ impl Key {
             cull,
             front_face,
             depth,
-            blend,
+            colors,
         } = &*self.0;
-        let state = (topology, cull, front_face, depth, blend);
+        let state = (topology, cull, front_face, depth, colors);
         let vertices = (vertex_bindings, vertex_attributes);
         (vertex, fragment, specialization, vertices, state, &self.1)
     }
@@ -110,7 +110,7 @@ pub(super) struct Compiled {
 impl Compiled {
     pub fn new(gpu: &Gpu, pipeline: &Pipeline, variant: &Variant) -> Result<Self> {
         let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
-        check_limits(gpu, pipeline)?;
+        check_limits(gpu, pipeline, variant)?;
         let push =
             vertex.reflection.push_constant_bytes.max(fragment.reflection.push_constant_bytes);
         let layout = Layout::new(gpu, &pipeline.label, &variant.resources, push)?;
@@ -138,7 +138,7 @@ impl Drop for Compiled {
 
 /// Checks the limits of the device's own pipeline for attributes, varyings and outputs. Vulkan guarantees less
 /// than compute offers.
-fn check_limits(gpu: &Gpu, pipeline: &Pipeline) -> Result<()> {
+fn check_limits(gpu: &Gpu, pipeline: &Pipeline, variant: &Variant) -> Result<()> {
     let limits = gpu.0.draw_limits;
     let (vertex, fragment) = (&pipeline.vertex.reflection, &pipeline.fragment.reflection);
     let locations = |all: &[Varying]| all.iter().map(|v| v.location + 1).max().unwrap_or(0);
@@ -148,6 +148,7 @@ fn check_limits(gpu: &Gpu, pipeline: &Pipeline) -> Result<()> {
         (locations(&vertex.outputs), limits.vertex_outputs, "locations of vertex outputs"),
         (locations(&fragment.inputs), limits.fragment_inputs, "locations of fragment inputs"),
         (locations(&fragment.outputs), limits.fragment_outputs, "locations of fragment outputs"),
+        (variant.colors.len() as u32, limits.colors, "colour targets"),
     ] {
         if used > most {
             return Err(Error::Device(format!(
@@ -157,6 +158,15 @@ fn check_limits(gpu: &Gpu, pipeline: &Pipeline) -> Result<()> {
                 gpu.info().name
             )));
         }
+    }
+    let states: Vec<_> = (0..variant.colors.len()).map(|n| pipeline.color_state(n)).collect();
+    if !limits.independent_blend && states.windows(2).any(|pair| pair[0] != pair[1]) {
+        return Err(Error::Device(format!(
+            "pipeline `{}` blends its colour targets differently, which {} does not offer \
+             (independentBlend); the compute executor does",
+            pipeline.label,
+            gpu.info().name
+        )));
     }
     Ok(())
 }
@@ -274,11 +284,12 @@ fn create(
         .depth_test_enable(variant.depth && pipeline.depth.test)
         .depth_write_enable(variant.depth && pipeline.depth.test && pipeline.depth.write)
         .depth_compare_op(compare_op(pipeline.depth.compare));
-    let blend_attachments: Vec<_> = variant.color.iter().map(|_| blend_state(pipeline)).collect();
+    let states = (0..variant.colors.len()).map(|target| blend_state(pipeline.color_state(target)));
+    let blend_attachments: Vec<_> = states.collect();
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blend_attachments);
     let dynamic = vk::PipelineDynamicStateCreateInfo::default()
         .dynamic_states(&[vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR]);
-    let color_formats: Vec<_> = variant.color.into_iter().map(vk_format).collect();
+    let color_formats: Vec<_> = variant.colors.iter().copied().map(vk_format).collect();
     let mut rendering =
         vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&color_formats);
     if variant.depth {
@@ -363,10 +374,13 @@ fn vertex_format(format: VertexFormat) -> vk::Format {
     by_count[usize::from(format.count.clamp(1, 4)) - 1]
 }
 
-fn blend_state(pipeline: &Pipeline) -> vk::PipelineColorBlendAttachmentState {
-    let state = vk::PipelineColorBlendAttachmentState::default()
-        .color_write_mask(vk::ColorComponentFlags::RGBA);
-    let Some(blend) = pipeline.blend else { return state };
+fn blend_state(of: ColorState) -> vk::PipelineColorBlendAttachmentState {
+    type C = vk::ColorComponentFlags;
+    let channels = [C::R, C::G, C::B, C::A].into_iter().zip(of.write);
+    let written =
+        channels.filter(|(_, on)| *on).fold(C::empty(), |all, (channel, _)| all | channel);
+    let state = vk::PipelineColorBlendAttachmentState::default().color_write_mask(written);
+    let Some(blend) = of.blend else { return state };
     let parts = |e: BlendEquation| (blend_factor(e.src), blend_factor(e.dst), blend_op(e.op));
     let (src_color, dst_color, color) = parts(blend.color);
     let (src_alpha, dst_alpha, alpha) = parts(blend.alpha);

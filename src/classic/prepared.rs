@@ -65,23 +65,22 @@ impl Prepared {
     /// # Errors
     /// As [`Prepared::execute`], and [`Error::Usage`] if nothing was executed yet.
     pub fn read(&mut self) -> Result<Frame> {
-        let colors = self.read_first()?.into_iter().collect();
+        self.check_executed()?;
+        let colors = self.targets.colors.iter_mut().filter_map(|target| target.read().transpose());
+        let colors = colors.collect::<Result<_>>()?;
         let depth = self.targets.depth.as_mut().map(Target::read).transpose()?.flatten();
         Ok(Frame { colors, depth })
     }
 
-    /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
+    /// The first colour target that is stored, as [`Prepared::read`] returns it: half the work, if depth is not needed.
     ///
     /// # Errors
     /// As [`Prepared::read`], and [`Error::Usage`] if the pass stores no colour.
     pub fn read_color(&mut self) -> Result<image::Picture> {
-        let color = self.read_first()?;
-        color.ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
-    }
-
-    fn read_first(&mut self) -> Result<Option<image::Picture>> {
         self.check_executed()?;
-        Ok(self.targets.color.as_mut().map(Target::read).transpose()?.flatten())
+        let mut colors = self.targets.colors.iter_mut();
+        let color = colors.find(|target| target.is_stored()).map(Target::read).transpose()?;
+        color.flatten().ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
     }
 
     fn check_executed(&self) -> Result<()> {
@@ -124,7 +123,7 @@ fn record_draws(
     for target in targets.iter() {
         target.begin(recorder)?;
     }
-    let color: Vec<_> = targets.color.iter().map(Target::attachment).collect();
+    let color: Vec<_> = targets.colors.iter().map(Target::attachment).collect();
     let depth = targets.depth.as_ref().map(Target::attachment);
     let Extent { width, height } = targets.extent;
     let mut rendering = vk::RenderingInfo::default()

@@ -13,7 +13,7 @@ use ash::vk;
 /// The targets of a pass.
 pub(super) struct Targets {
     pub extent: Extent,
-    pub color: Option<Target>,
+    pub colors: Vec<Target>,
     pub depth: Option<Target>,
 }
 
@@ -41,7 +41,7 @@ enum Begin {
 impl Targets {
     /// Those of `pass`, which is valid.
     pub fn new(gpu: &Gpu, pass: &Pass) -> Result<Self> {
-        let color = pass.colors.first().map(|color| {
+        let colors = pass.colors.iter().map(|color| {
             let value = |float32| vk::ClearValue { color: vk::ClearColorValue { float32 } };
             let begin = Begin::new(gpu, &color.load, value)?;
             let info = info("colour target", pass.extent, color.format);
@@ -57,12 +57,16 @@ impl Targets {
             let place = depth.image.as_ref().map(|image| (image, depth.subresource()));
             Target::new(gpu, &info, place, begin, depth.store)
         });
-        Ok(Self { extent: pass.extent, color: color.transpose()?, depth: depth.transpose()? })
+        Ok(Self {
+            extent: pass.extent,
+            colors: colors.collect::<Result<_>>()?,
+            depth: depth.transpose()?,
+        })
     }
 
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &Target> {
-        self.color.iter().chain(&self.depth)
+        self.colors.iter().chain(&self.depth)
     }
 }
 
@@ -165,6 +169,11 @@ impl Target {
                 Ok(Some(image::Picture { extent, format, bytes: host.read()? }))
             }
         }
+    }
+
+    /// Whether anything is kept.
+    pub fn is_stored(&self) -> bool {
+        self.store == StoreOp::Store
     }
 
     /// Whether the image has more than what is drawn to.

@@ -28,7 +28,7 @@ pub struct Difference {
     pub coverage_differing: u64,
     /// Pixels that both sides cover, but with different primitives.
     pub winner_differing: u64,
-    /// Pixels of which some channel differs by more than 1 of 255.
+    /// Pixels of which some channel of a colour target differs by more than 1 of 255.
     pub colour_over_1: u64,
     /// The largest difference of a channel, of 255.
     pub colour_max: u8,
@@ -79,7 +79,7 @@ pub fn compare(a: Drawn<'_>, b: Drawn<'_>) -> Result<Difference> {
             difference.winner_differing += 1;
         }
     }
-    for delta in channel_deltas(color_a, color_b)? {
+    for delta in color_deltas(a.frame, b.frame)? {
         difference.colour_max = difference.colour_max.max(delta);
         difference.colour_over_1 += u64::from(delta > 1);
     }
@@ -97,6 +97,22 @@ pub fn compare(a: Drawn<'_>, b: Drawn<'_>) -> Result<Difference> {
         _ => return Err(Error::Usage("only one of the two drawings has a depth image".into())),
     }
     Ok(difference)
+}
+
+/// Per pixel, the largest difference of a channel of any colour target, in 8 bits.
+fn color_deltas(a: &Frame, b: &Frame) -> Result<Vec<u8>> {
+    let (targets, others) = (a.colors.len(), b.colors.len());
+    if targets != others {
+        return Err(Error::Usage(format!("drawings of {targets} and {others} colour targets")));
+    }
+    let mut deltas = vec![0; color(a)?.extent.pixels()];
+    for (a, b) in a.colors.iter().zip(&b.colors) {
+        same_shape(a, b)?;
+        for (most, delta) in deltas.iter_mut().zip(channel_deltas(a, b)?) {
+            *most = delta.max(*most);
+        }
+    }
+    Ok(deltas)
 }
 
 /// Per pixel, the largest difference of a channel in 8 bits.

@@ -171,14 +171,14 @@ fn id_module(offset: u32) -> Vec<u32> {
 
 fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
     let mut depth = pipeline.depth;
-    if pipeline.blend.is_some() {
+    if pipeline.color_state(0).blend.is_some() {
         depth.write = true;
     }
     Pipeline {
         label: format!("{} (ids)", pipeline.label),
         fragment: id_shader,
         depth,
-        blend: None,
+        colors: Vec::new(),
         ..pipeline.clone()
     }
 }
@@ -203,7 +203,7 @@ mod tests {
     use crate::{
         image::Extent,
         shader::{Details, Reflection},
-        state::{Blend, Cull, DepthState, FrontFace, Topology},
+        state::{Blend, DepthState, Topology},
         target::LoadOp,
     };
 
@@ -217,19 +217,10 @@ mod tests {
             refusal: None,
             details: Details::default(),
         };
-        Pipeline {
-            label: "p".into(),
-            vertex: Arc::new(shader(Stage::Vertex)),
-            fragment: Arc::new(shader(Stage::Fragment)),
-            specialization: Vec::new(),
-            vertex_bindings: Vec::new(),
-            vertex_attributes: Vec::new(),
-            topology,
-            cull: Cull::None,
-            front_face: FrontFace::CounterClockwise,
-            depth: DepthState { write: false, ..DepthState::LESS },
-            blend,
-        }
+        Pipeline::new("p", shader(Stage::Vertex), shader(Stage::Fragment))
+            .topology(topology)
+            .depth(DepthState { write: false, ..DepthState::LESS })
+            .blend(blend)
     }
 
     fn pass(pipelines: Vec<Pipeline>, draws: Vec<Draw>) -> Pass {
@@ -290,7 +281,7 @@ mod tests {
         let ids = id_pass(&pass).unwrap().pass;
         assert_eq!(ids.colors[0].format, Format::Rgba8Unorm);
         assert_eq!(ids.colors[0].load, LoadOp::Clear([0.0; 4]));
-        assert!(ids.pipelines[0].blend.is_none() && ids.pipelines[0].depth.write);
+        assert!(ids.pipelines[0].colors.is_empty() && ids.pipelines[0].depth.write);
         assert!(!ids.pipelines[1].depth.write, "what was opaque keeps its depth state");
     }
 

@@ -4,8 +4,9 @@
 //! At the beginning, rows are cleared, or copied from the target's image or from a picture. At the end, they are copied
 //! to the image.
 
-use super::{clear, kernels::color_format, target::Target};
+use super::{clear, target::Target};
 use crate::{
+    abi,
     error::{Error, Result},
     format::Format,
     grid::Grid,
@@ -13,14 +14,18 @@ use crate::{
     target::{LoadOp, StoreOp},
     vk::{Arena, Buffer, Gpu, Image, Kernel, Recorder, Subresource},
 };
+use std::ops::Range;
 
 /// The targets of a pass.
 pub struct Attachments {
-    pub color: Option<Attachment<[f32; 4]>>,
+    /// By number. A list of fixed length takes no memory of its own.
+    colors: [Option<Attachment<[f32; 4]>>; MAX_COLORS],
     pub depth: Option<Attachment<f32>>,
     /// Bounds that hold for any depth, one for each bin of a band, if depth is loaded.
     any_bounds: Option<Buffer<[f32; 2]>>,
 }
+
+const MAX_COLORS: usize = abi::MAX_COLORS as usize;
 
 /// One target of a pass.
 pub struct Attachment<T> {
@@ -43,30 +48,42 @@ enum Begin<T> {
 impl Attachments {
     /// Those of `pass`, which is valid, with bands up to the size of `band`.
     pub fn new(gpu: &Gpu, arena: &mut Arena, pass: &Pass, band: &Grid) -> Result<Self> {
-        let color = pass.colors.first();
-        let color = color
-            .map(|c| Attachment::new(gpu, c.format, (&c.image, c.subresource()), &c.load, c.store));
+        let mut colors = [const { None }; MAX_COLORS];
+        for (attachment, c) in colors.iter_mut().zip(&pass.colors) {
+            let place = (&c.image, c.subresource());
+            *attachment = Some(Attachment::new(gpu, c.format, place, &c.load, c.store)?);
+        }
         let depth = pass.depth.as_ref();
         let depth = depth.map(|d| {
             Attachment::new(gpu, Format::D32Float, (&d.image, d.subresource()), &d.load, d.store)
         });
-        let (color, depth) = (color.transpose()?, depth.transpose()?);
+        let depth = depth.transpose()?;
         let loaded = depth.as_ref().filter(|depth| !matches!(depth.begin, Begin::Value(_)));
         let any_bounds = loaded.map(|_| arena.push(&vec![[0.0, 1.0]; band.bins() as usize]));
-        Ok(Self { color, depth, any_bounds: any_bounds.transpose()? })
+        Ok(Self { colors, depth, any_bounds: any_bounds.transpose()? })
     }
 
-    /// The format of colour that kernels are made for.
-    ///
-    /// # Errors
-    /// As [`color_format`].
-    pub fn color_format(&self) -> Result<u32> {
-        color_format(self.rows_format())
+    /// The colour targets, in their order.
+    pub fn colors(&self) -> impl Iterator<Item = &Attachment<[f32; 4]>> {
+        self.colors.iter().flatten()
     }
 
-    /// The format of the rows of colour. Without a colour target, there are rows that nobody reads.
-    pub fn rows_format(&self) -> Format {
-        self.color.as_ref().map_or(Format::Rgba8Unorm, |color| color.format)
+    /// The colour targets with the bytes of a band's colour that each of them has.
+    pub fn planes(
+        &self,
+        band: &Grid,
+    ) -> impl Iterator<Item = (&Attachment<[f32; 4]>, Range<usize>)> {
+        let (plane, pixels) = (band.plane_pixels(), band.extent.pixels());
+        self.colors().scan(0, move |next, color| {
+            let (first, texel) = (*next, color.format.texel_bytes());
+            *next += plane * texel;
+            Some((color, first..first + pixels * texel))
+        })
+    }
+
+    /// Bytes of a pixel of all colour targets.
+    pub fn texel_bytes(&self) -> usize {
+        self.colors().map(|color| color.format.texel_bytes()).sum()
     }
 
     /// Records what the rows of `target` begin with, which are those of `band`. `kernel` clears.
@@ -76,15 +93,21 @@ impl Attachments {
         kernel: &Kernel,
         (band, target): (&Grid, &Target),
     ) -> Result<()> {
-        recorder.group(|recorder| {
-            if let Some(color) = &self.color {
-                let rows = target.color.cast()?;
-                match color.begin {
-                    Begin::Value(value) => {
-                        clear::color(recorder, kernel, target, color.format, value)?
-                    }
-                    _ => color.load(recorder, band, &rows)?,
+        let begin =
+            |recorder: &mut Recorder, color: &Attachment<_>, bytes: Range<usize>| match color.begin
+            {
+                Begin::Value(value) => {
+                    clear::color(recorder, kernel, target, (color.format, &bytes), value)
                 }
+                _ => color.load(recorder, band, &target.color.cast()?.slice(bytes)?),
+            };
+        // All of them have one buffer, which the clear binds as a whole: only one goes at the same time as depth.
+        for (color, bytes) in self.planes(band).skip(1) {
+            begin(recorder, color, bytes)?;
+        }
+        recorder.group(|recorder| {
+            if let Some((color, bytes)) = self.planes(band).next() {
+                begin(recorder, color, bytes)?;
             }
             match (&self.depth, &self.any_bounds) {
                 (Some(depth), Some(bounds)) => {
@@ -105,8 +128,8 @@ impl Attachments {
 
     /// Records what becomes of the rows of `target`, which are those of `band` and complete.
     pub fn end(&self, recorder: &mut Recorder, (band, target): (&Grid, &Target)) -> Result<()> {
-        if let Some(color) = &self.color {
-            color.store(recorder, band, &target.color.cast()?)?;
+        for (color, bytes) in self.planes(band) {
+            color.store(recorder, band, &target.color.cast()?.slice(bytes)?)?;
         }
         if let Some(depth) = &self.depth {
             depth.store(recorder, band, &target.depth.cast()?)?;

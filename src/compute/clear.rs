@@ -11,24 +11,26 @@ use crate::{
     grid, image,
     vk::{Kernel, Recorder},
 };
+use std::ops::Range;
 
-/// Clears colour to `color`, linear RGBA.
+/// Clears the colour target of this format to `color`, linear RGBA. It has the `bytes` of the colour of the band.
 pub fn color(
     recorder: &mut Recorder,
     kernel: &Kernel,
     target: &Target,
-    format: Format,
+    (format, bytes): (Format, &Range<usize>),
     color: [f32; 4],
 ) -> Result<()> {
     if let Some(texel) = image::texel_rgba8(format, color) {
-        return recorder.fill(&target.color, u32::from_le_bytes(texel));
+        let words = target.color.slice(bytes.start / 4..bytes.end / 4)?;
+        return recorder.fill(&words, u32::from_le_bytes(texel));
     }
-    let pixels = target.depth.len() as u32;
+    let (pixels, first) = (target.depth.len() as u32, (bytes.start / format.texel_bytes()) as u32);
     let lanes = abi::GROUP * abi::CLEAR_PIXELS;
     recorder
         .kernel(kernel)
         .bind("Color", &target.color.cast::<[u32; 2]>()?)
-        .push(&Clear { color, pixels })
+        .push(&Clear { color, pixels, first })
         .dispatch(grid::groups(pixels, lanes))
 }
 

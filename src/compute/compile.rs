@@ -8,7 +8,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     format::Format,
-    pass::{Pass, Pipeline, check_color_targets},
+    pass::{Pass, Pipeline, check_color_targets, check_outputs},
     plan::PipelineKernels,
     vk::{Kernel, generate_code},
 };
@@ -131,15 +131,17 @@ fn wanted(
     depth: Option<Format>,
 ) -> Result<Vec<KernelRequest>> {
     pipeline.validate()?;
-    check_color_targets(colors.len()).map_err(Error::Usage)?;
+    check_color_targets(colors.len())
+        .and_then(|()| check_outputs(&pipeline.fragment, colors.len()))
+        .map_err(|fault| Error::Usage(format!("pipeline `{}`: {fault}", pipeline.label)))?;
     if let Some(format) = depth.filter(|format| *format != Format::D32Float) {
         return Err(Error::Usage(format!("{format:?} is no format of a depth target")));
     }
-    let format = kernels::color_format(colors.first().copied().unwrap_or(Format::Rgba8Unorm))?;
+    let formats = kernels::color_formats(colors.iter().copied())?;
     let PipelineKernels { vertex, fragment, method } =
-        PipelineKernels::of(pipeline, depth.is_some());
+        PipelineKernels::of(pipeline, colors.len(), depth.is_some());
     let mut wanted = vec![KernelRequest::Vertex(vertex)];
-    wanted.extend(kernels::of_method(method, fragment, format));
+    wanted.extend(kernels::of_method(method, fragment, formats));
     Ok(wanted)
 }
 

@@ -209,7 +209,7 @@ impl<'r> Encoder<'r> {
         recorder.copy(&staged, buffer)
     }
 
-    /// Replaces all levels of `image`, as [`Recorder::upload_image`] does.
+    /// Replaces levels of `image`, as [`Recorder::upload_image`] does.
     ///
     /// # Errors
     /// As [`Recorder::upload_image`].

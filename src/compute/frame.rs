@@ -3,7 +3,7 @@
 use super::{
     attach::Attachments,
     binning, commands,
-    kernels::{Kernels, PlanKernels},
+    kernels::{Kernels, PlanKernels, color_formats},
     ordered, primitive, raster,
     scratch::Scratch,
     shade,
@@ -16,7 +16,7 @@ use crate::{
     grid::{self, Capacities, Grid},
     image::Extent,
     pass::Pass,
-    plan::{BatchPlan, Plan},
+    plan::{BatchPlan, Method, Plan},
     vk::{Arena, Buffer, Copies, Dispatch, Gpu, Recorder, ResourceTable},
 };
 use std::ops::Range;
@@ -131,7 +131,8 @@ impl Setup {
         copies: Copies,
     ) -> Result<Setup> {
         // The first band is the largest.
-        let band = Grid::bands(pass.extent).next().expect("a target has a band");
+        let mut bands = Grid::bands(pass.extent, pass.color_bytes());
+        let band = bands.next().expect("a target has a band");
         let capacities = plan.capacities();
         let attachments = Attachments::new(gpu, workspace.arena, pass, &band)?;
         let fragment_kernels =
@@ -167,14 +168,18 @@ impl Setup {
             },
         };
         let mut kernels_of_plan = std::mem::take(*found);
-        kernels.of_plan(plan, attachments.color_format()?, &mut kernels_of_plan)?;
+        kernels.of_plan(
+            plan,
+            color_formats(pass.colors.iter().map(|c| c.format))?,
+            &mut kernels_of_plan,
+        )?;
         let (gpu, kernels, extent) = (gpu.clone(), kernels_of_plan, pass.extent);
         Ok(Setup { gpu, attachments, copies, buffers, kernels, extent, capacities })
     }
 
     /// The bands of the targets.
     pub fn bands(&self) -> impl Iterator<Item = Grid> + use<> {
-        Grid::bands(self.extent)
+        Grid::bands(self.extent, self.attachments.texel_bytes())
     }
 
     /// Memory for the rows of `band`.
@@ -272,10 +277,10 @@ impl Setup {
         match &self.kernels.raster[number] {
             Some(kernel) => {
                 raster::record(recorder, &stage, kernel)?;
-                match &self.attachments.color {
-                    Some(_) => shade::record(recorder, &stage, fragment),
+                match batch.method {
                     // Shaders of opaque work write colour and nothing else.
-                    None => Ok(()),
+                    Method::Opaque { shades: false, .. } => Ok(()),
+                    _ => shade::record(recorder, &stage, fragment),
                 }
             }
             None => {

@@ -15,7 +15,7 @@ use std::{collections::HashSet, sync::Arc};
 
 /// All kernels of a renderer.
 pub struct Kernels {
-    maker: Arc<Maker>,
+    pub(super) maker: Arc<Maker>,
     pub clear: Kernel,
     pub commands: Kernel,
     pub primitive: Kernel,
@@ -59,15 +59,21 @@ impl PlanKernels {
     }
 }
 
-/// The number that a colour format has in kernels.
+/// The formats of colour targets as kernels have them: a byte each, the first one lowest, [`abi::NO_FORMAT`] where there is
+/// no target.
+pub type ColorFormats = u64;
+
+/// The formats of `colors`.
 ///
 /// # Errors
 /// [`Error::Usage`] for a format that holds no colours.
-pub fn color_format(format: Format) -> Result<u32> {
-    match format {
-        Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => Ok(format as u32),
+pub fn color_formats(colors: impl DoubleEndedIterator<Item = Format>) -> Result<ColorFormats> {
+    colors.rev().try_fold(ColorFormats::MAX, |formats, format| match format {
+        Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
+            Ok(formats << 8 | format as ColorFormats)
+        }
         Format::D32Float => Err(Error::Usage("D32Float is no format of a colour target".into())),
-    }
+    })
 }
 
 impl Kernels {
@@ -153,14 +159,19 @@ impl Kernels {
         (self.made.len(), self.made.made())
     }
 
-    /// Puts the kernels of `plan` for a colour format into `found`. Missing ones are made.
+    /// Puts the kernels of `plan` for these formats of colour targets into `found`. Missing ones are made.
     ///
     /// # Errors
     /// As [`Kernels::make`].
-    pub fn of_plan(&mut self, plan: &Plan, format: u32, found: &mut PlanKernels) -> Result<()> {
+    pub fn of_plan(
+        &mut self,
+        plan: &Plan,
+        formats: ColorFormats,
+        found: &mut PlanKernels,
+    ) -> Result<()> {
         let vertex = || plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone()));
         let of_batch = |batch: &BatchPlan, kernel: usize| {
-            of_method(batch.method, plan.fragment_kernels[kernel].clone(), format)
+            of_method(batch.method, plan.fragment_kernels[kernel].clone(), formats)
         };
         let of_batches = plan.batches.iter().flat_map(|batch| {
             batch.fragment_kernels.iter().flat_map(move |&kernel| of_batch(batch, kernel))
@@ -221,13 +232,16 @@ impl Kernels {
 pub fn of_method(
     method: Method,
     fragment: Arc<KernelKey>,
-    format: u32,
+    formats: ColorFormats,
 ) -> impl Iterator<Item = KernelRequest> {
     let (raster, fragment) = match method {
-        Method::Opaque(compare) => {
-            (Some(KernelRequest::Raster(compare)), KernelRequest::Shade(fragment, format))
+        Method::Opaque { compare, shades } => (
+            Some(KernelRequest::Raster(compare)),
+            shades.then_some(KernelRequest::Shade(fragment, formats)),
+        ),
+        Method::Ordered { depth, .. } => {
+            (None, Some(KernelRequest::Ordered(fragment, formats, depth)))
         }
-        Method::Ordered { depth, .. } => (None, KernelRequest::Ordered(fragment, format, depth)),
     };
-    raster.into_iter().chain([fragment])
+    raster.into_iter().chain(fragment)
 }

@@ -1,6 +1,6 @@
 //! Makes kernels on one device, also with users' shaders spliced in.
 
-use super::{sources::Sources, vertex};
+use super::{kernels::ColorFormats, sources::Sources, vertex};
 use crate::{
     abi,
     error::Result,
@@ -21,10 +21,10 @@ pub enum KernelRequest {
     Raster(Compare),
     /// Vertex shading.
     Vertex(Arc<KernelKey>),
-    /// Shading of opaque work into a colour format.
-    Shade(Arc<KernelKey>, u32),
-    /// Ordered work into a colour format, with a depth mode.
-    Ordered(Arc<KernelKey>, u32, u32),
+    /// Shading of opaque work into colour targets of these formats.
+    Shade(Arc<KernelKey>, ColorFormats),
+    /// Ordered work into colour targets of these formats, with a depth mode.
+    Ordered(Arc<KernelKey>, ColorFormats, u32),
 }
 
 /// What kernels are made with.
@@ -38,6 +38,11 @@ pub struct Maker {
 impl Maker {
     pub fn new(gpu: &Gpu, sources: Sources) -> Self {
         Self { gpu: gpu.clone(), sources, width: gpu.limits().subgroup_size }
+    }
+
+    /// Whether all stages are the engine's.
+    pub fn is_trusted(&self) -> bool {
+        self.sources.are_trusted()
     }
 
     /// The kernels without users' shaders that every pass has: clear, commands, primitive, and the three of binning.
@@ -81,7 +86,7 @@ impl Maker {
     /// refuses a kernel.
     pub fn make(&self, wanted: &KernelRequest) -> Result<Kernel> {
         let width = self.width;
-        let (stage, file, key, constants) = match wanted {
+        let (stage, words, key, constants) = match wanted {
             KernelRequest::Raster(compare) => {
                 // Shared memory has no advantage on a CPU, and the driver does not access it by
                 // address.
@@ -95,16 +100,24 @@ impl Maker {
                 return self.kernel(&self.wide("raster", words, &constants));
             }
             KernelRequest::Vertex(key) => {
-                ("vertex", "vertex.comp", key, vec![("LANES", vertex::lanes(width))])
+                let words = self.sources.words("vertex.comp");
+                ("vertex", words, key, vec![("LANES", vertex::lanes(width))])
             }
-            KernelRequest::Shade(key, format) => {
-                let constants = vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format)];
-                ("shade", "shade.comp", key, constants)
-            }
-            KernelRequest::Ordered(key, format, depth) => {
+            KernelRequest::Shade(key, formats) => {
+                let (targets, [formats, more]) = (targets(*formats), halves(*formats));
                 let constants =
-                    vec![("SUBGROUP_WIDTH", width), ("FORMAT", *format), ("DEPTH", *depth)];
-                ("ordered", "ordered.comp", key, constants)
+                    vec![("SUBGROUP_WIDTH", width), ("FORMATS", formats), ("MORE_FORMATS", more)];
+                ("shade", self.sources.words_for("shade.comp", targets), key, constants)
+            }
+            KernelRequest::Ordered(key, formats, depth) => {
+                let (targets, [formats, more]) = (targets(*formats), halves(*formats));
+                let constants = vec![
+                    ("SUBGROUP_WIDTH", width),
+                    ("FORMATS", formats),
+                    ("MORE_FORMATS", more),
+                    ("DEPTH", *depth),
+                ];
+                ("ordered", self.sources.words_for("ordered.comp", targets), key, constants)
             }
         };
         let native = self.gpu.has_compute_derivatives();
@@ -117,7 +130,7 @@ impl Maker {
             },
             specialization: &key.specialization,
         };
-        let spliced = splice(self.sources.words(file), &key.shader, &options)?;
+        let spliced = splice(words, &key.shader, &options)?;
         let attributes = key.attributes.iter();
         let attributes =
             attributes.map(|&(location, f)| (abi::SPEC_FIRST + abi::SPEC_ATTRIBUTE + location, f));
@@ -152,6 +165,16 @@ impl Maker {
             false => Kernel::own(&self.gpu, info),
         }
     }
+}
+
+/// The number of targets.
+fn targets(formats: ColorFormats) -> usize {
+    formats.to_le_bytes().iter().filter(|&&format| u32::from(format) != abi::NO_FORMAT).count()
+}
+
+/// As two specialization constants.
+fn halves(formats: ColorFormats) -> [u32; 2] {
+    [formats as u32, (formats >> 32) as u32]
 }
 
 /// Stack of a thread that makes kernels: drivers and the splicer expect that of a main thread.

@@ -13,6 +13,11 @@
 //! shade      the user's fragment shader at visible pixels       |          blending in API order
 //! ```
 //!
+//! A draw is *opaque* if the order of triangles does not decide its picture: the depth test is on, with a depth target, writes,
+//! and compares by `Less`, `LessOrEqual`, `Greater` or `GreaterOrEqual`; nothing blends; all channels of all colour targets are
+//! written, or none; and the fragment shader neither discards, nor writes depth, nor writes memory. All other draws are
+//! *ordered*, also those without any depth test.
+//!
 //! [`Renderer::begin`] begins a frame: an [`Encoder`] records passes that draw to images of the device, in one submission
 //! that nobody waits for. [`Renderer::prepare`] records a pass once, one submission for each band;
 //! [`Prepared::execute`] runs it and waits, and [`Prepared::read`] returns the pictures. In neither, the CPU decides
@@ -44,11 +49,12 @@ pub use compile::{Compilation, Compiled};
 pub use encoder::{Encoder, Recorded};
 pub use prepared::Prepared;
 
-/// The engine's GLSL: names of files and their texts, for [`Renderer::with_glsl`].
+/// The engine's GLSL: names of files and their texts, for [`Renderer::with_glsl`]. Names that end in `.comp` are kernels, the
+/// stages of [`crate::compute`]; the others are included by these. Each file begins with a comment that says what it is.
 pub const GLSL: &[(&str, &str)] = crate::prebuilt::FILES;
 
 use crate::{
-    error::Result,
+    error::{Error, Result},
     format::Format,
     grid::Capacities,
     pass::{Executor, Frame, Known, Pass},
@@ -101,30 +107,49 @@ impl Renderer {
 
     /// A renderer with stages of the caller's own: each of `files`, a name and a text, takes the place of the file of the
     /// engine's GLSL that has this name ([`GLSL`]), or is a further file that these include. Kernels whose text changes are
-    /// compiled here.
+    /// compiled here. All passes of the renderer are drawn with them; other renderers on the same device are not concerned,
+    /// and their frames may come between those of this one.
     ///
     /// The comment at the top of each kernel says what the kernel reads and writes and what others rely on; the other stages
-    /// stay as they are. `abi.glsl`, the structs that the host writes and reads, cannot be replaced. A stage that breaks its
-    /// contract draws a wrong picture, or may not end. It reaches no memory but that of this renderer and what passes bind:
-    /// all kernels of such a renderer check bounds, so that they are slower than those of [`Renderer::new`].
+    /// stay as they are. `raster.comp` tests the pixels of opaque draws and `ordered.comp` those of all others ([`crate::compute`]
+    /// says which is which); both take the rules from small files:
+    ///
+    /// | file | rule |
+    /// |---|---|
+    /// | `lib/coverage.glsl` | which pixels a triangle covers |
+    /// | `lib/depth.glsl` | the depth of a triangle at a pixel, and what a depth target keeps of it |
+    /// | `lib/interpolate.glsl` | the value of a varying at a pixel |
+    /// | `lib/blend.glsl` | the blend equations |
+    /// | `lib/color.glsl` | the texels of colour targets |
+    ///
+    /// `abi.glsl`, the structs that the host writes and reads, cannot be replaced. A stage that breaks its contract draws a
+    /// wrong picture. It may not end, or ask for more work than the device allows, so that the device is lost. All kernels
+    /// of such a renderer check bounds and are slower than those of [`Renderer::new`]. The compiler sees the texts as they are:
+    /// one that makes the compiler crash ends the process.
     ///
     /// ```no_run
     /// # fn main() -> tilewright::Result<()> {
     /// use tilewright::{Gpu, GpuOptions, Renderer, compute};
     ///
+    /// // A screen door: opaque draws and blended ones cover every second pixel.
     /// let gpu = Gpu::open(&GpuOptions::default())?;
-    /// let (_, depth) = compute::GLSL.iter().find(|(name, _)| *name == "lib/depth.glsl").unwrap();
-    /// let nearer = depth.replace("return d > 0.0 ?", "d *= 0.5;\n    return d > 0.0 ?");
-    /// let renderer = Renderer::with_glsl(&gpu, &[("lib/depth.glsl", &nearer)])?;
+    /// let file = "lib/coverage.glsl";
+    /// let (_, engine) = compute::GLSL.iter().find(|(name, _)| *name == file).unwrap();
+    /// let door = engine
+    ///     .replace("COVERS_WHOLE_BINS = true", "COVERS_WHOLE_BINS = false")
+    ///     .replace(">= 0;", ">= 0 && ((pixel.x ^ pixel.y) & 1) == 0;");
+    /// assert_ne!(door, *engine);
+    /// let renderer = Renderer::with_glsl(&gpu, &[(file, &door)])?;
     /// # Ok(())
     /// # }
     /// ```
     ///
     /// # Errors
-    /// [`crate::Error::Shader`] with the compiler's messages, which name the file and the line, or because the crate was built
-    /// without a GLSL compiler (features `glsl` and `glsl-bundled`). [`crate::Error::Usage`] if no kernel is made of one of
-    /// the files, or if a kernel lacks a constant or reaches memory that a kernel may not reach ([`crate::Kernel::new`]).
-    /// [`crate::Error::Device`] if the driver refuses a kernel.
+    /// [`Error::Shader`] with the compiler's messages, which name the file and the line; or because a kernel lacks what shaders
+    /// are spliced into; or because the crate was built without a GLSL compiler (features `glsl` and `glsl-bundled`).
+    /// [`Error::Usage`] if no kernel includes one of the files. [`Error::Device`] if the driver refuses a kernel. Kernels that
+    /// depend on a pass are made when one needs them, and then [`Error::Usage`] says what such a kernel lacks: a constant, a
+    /// buffer, a workgroup that the device allows.
     pub fn with_glsl(gpu: &Gpu, files: &[(&str, &str)]) -> Result<Self> {
         Self::with_sources(gpu, Sources::new(files)?)
     }
@@ -282,7 +307,7 @@ impl Renderer {
         match shader.stage {
             Stage::Vertex => self.kernels.make([KernelRequest::Vertex(key)]),
             Stage::Fragment => {
-                let format = kernels::color_format(Format::Rgba8Srgb)?;
+                let format = kernels::color_formats([Format::Rgba8Srgb].into_iter())?;
                 let ordered =
                     KernelRequest::Ordered(key.clone(), format, depth_mode(&shader.reflection));
                 self.kernels.make([KernelRequest::Shade(key, format), ordered])
@@ -297,6 +322,10 @@ impl Renderer {
     /// # Errors
     /// Those of [`Executor::render`].
     pub fn trace(&mut self, pass: &Pass) -> Result<(Frame, Trace)> {
+        if !self.kernels.maker.is_trusted() {
+            let fault = "a renderer with stages of the caller's own leaves no trace: its numbers may be any";
+            return Err(Error::Usage(fault.into()));
+        }
         pass.check(&mut self.known)?;
         let pass = &*pass.with_commands_read()?;
         self.next_frame()?;

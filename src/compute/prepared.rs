@@ -6,11 +6,11 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
+    grid::Grid,
     image::{Extent, Picture},
     pass::Frame,
     vk::{Buffer, Gpu, Recording, Timings, error::no_memory},
 };
-use bytemuck::Pod;
 
 /// A pass that was recorded and can run.
 ///
@@ -61,7 +61,7 @@ impl Prepared {
         self.results.read()
     }
 
-    /// The colour target alone, as [`Prepared::read`] returns it: half the work, if depth is not needed.
+    /// The first colour target that is stored, as [`Prepared::read`] returns it: half the work, if depth is not needed.
     ///
     /// # Errors
     /// As [`Prepared::execute`], and [`Error::Usage`] if the pass stores no colour.
@@ -69,8 +69,8 @@ impl Prepared {
         for copy in &mut self.color_copies {
             copy.run()?;
         }
-        let color = self.results.color()?;
-        color.ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
+        let color = self.results.colors().next();
+        color.transpose()?.ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
     }
 }
 
@@ -85,38 +85,45 @@ pub struct Results {
 impl Results {
     /// All of them.
     pub fn read(&self) -> Result<Frame> {
-        Ok(Frame { colors: self.color()?.into_iter().collect(), depth: self.depth()? })
+        Ok(Frame { colors: self.colors().collect::<Result<_>>()?, depth: self.depth()? })
     }
 
-    /// Colour, if it is stored.
-    fn color(&self) -> Result<Option<Picture>> {
-        self.of(self.attachments.color.as_ref(), |target| target.host_color.as_ref())
+    /// The colour targets that are stored, in their order.
+    fn colors(&self) -> impl Iterator<Item = Result<Picture>> {
+        let stored = self.attachments.colors().enumerate().filter(|(_, color)| color.is_stored());
+        stored.map(|(number, color)| {
+            self.of(color, |target, band| {
+                let (_, bytes) = self.attachments.planes(band).nth(number)?;
+                Some(target.host_color.as_ref()?.cast().and_then(|rows| rows.slice(bytes)))
+            })
+        })
     }
 
     /// Depth, if it is stored.
     fn depth(&self) -> Result<Option<Picture>> {
-        self.of(self.attachments.depth.as_ref(), |target| target.host_depth.as_ref())
+        let depth = self.attachments.depth.as_ref().filter(|depth| depth.is_stored());
+        let rows = |target: &Target, _: &Grid| Some(target.host_depth.as_ref()?.cast());
+        depth.map(|depth| self.of(depth, rows)).transpose()
     }
 
-    /// The picture of `attachment`, the rows of whose bands are where `rows` says, unless it is an image.
-    fn of<A: Copy, T: Pod>(
+    /// The picture of `attachment`, which is stored. The rows of its bands are where `rows` says, unless it is an image.
+    fn of<A: Copy>(
         &self,
-        attachment: Option<&Attachment<A>>,
-        rows: impl Fn(&Target) -> Option<&Buffer<T>>,
-    ) -> Result<Option<Picture>> {
-        let Some(attachment) = attachment.filter(|attachment| attachment.is_stored()) else {
-            return Ok(None);
-        };
+        attachment: &Attachment<A>,
+        rows: impl Fn(&Target, &Grid) -> Option<Result<Buffer<u8>>>,
+    ) -> Result<Picture> {
         if let Some(image) = &attachment.image {
             let at = attachment.subresource;
-            return image.download_layer(at.level, at.layer).map(Some);
+            return image.download_layer(at.level, at.layer);
         }
         let (extent, format) = (self.extent, attachment.format);
         let (mut bytes, wanted) = (Vec::new(), extent.pixels() * format.texel_bytes());
         bytes.try_reserve_exact(wanted).map_err(|_| no_memory("the picture", wanted as u64))?;
-        for rows in self.targets.iter().filter_map(rows) {
-            rows.cast()?.append_to(&mut bytes)?;
+        let bands = Grid::bands(extent, self.attachments.texel_bytes());
+        for rows in self.targets.iter().zip(bands).filter_map(|(target, band)| rows(target, &band))
+        {
+            rows?.append_to(&mut bytes)?;
         }
-        Ok(Some(Picture { extent, format, bytes }))
+        Ok(Picture { extent, format, bytes })
     }
 }

@@ -3,7 +3,7 @@
 use crate::{
     error::{Error, Result},
     prebuilt::{self, FILES, KERNELS},
-    shader::compile_stage,
+    shader::{check_text, compile_stage, engine_colors, splice::check_hooks},
 };
 use std::{cell::RefCell, collections::BTreeSet};
 
@@ -17,8 +17,8 @@ const SHARED: &str = "abi.glsl";
 /// The words of all kernels.
 #[derive(Default)]
 pub struct Sources {
-    /// The kernels whose text the user changed, by the names of their files.
-    own: Vec<(&'static str, Vec<u32>)>,
+    /// The kernels whose text the user changed: file, most colour targets, words.
+    own: Vec<(&'static str, u32, Vec<u32>)>,
 }
 
 impl Sources {
@@ -31,6 +31,12 @@ impl Sources {
         let known = |files: &[(&str, &str)], name: &str| {
             files.iter().find(|(file, _)| *file == name).map(|(_, text)| text.to_string())
         };
+        for (n, (name, text)) in files.iter().enumerate() {
+            if files[..n].iter().any(|(other, _)| other == name) {
+                return Err(Error::Usage(format!("the file `{name}` is there twice")));
+            }
+            check_text(name, text)?;
+        }
         let read = |name: &str| known(files, name).or_else(|| known(FILES, name));
         let used = RefCell::new(BTreeSet::new());
         let missing = |name: &str| format!("there is no file `{name}`");
@@ -40,10 +46,10 @@ impl Sources {
         };
         let old = |name: &str| known(FILES, name).ok_or_else(|| missing(name));
         let mut changed = Vec::new();
-        for (kernel, _) in KERNELS {
+        for (kernel, colors, _) in KERNELS {
             let text = source::expand(&new, kernel).map_err(|e| Error::shader(*kernel, e))?;
             if source::expand(&old, kernel) != Ok(text) {
-                changed.push(*kernel);
+                changed.push((*kernel, *colors));
             }
         }
         let used = used.into_inner();
@@ -54,16 +60,22 @@ impl Sources {
                 )));
             }
             if !used.contains(*name) {
-                let names: Vec<_> = FILES.iter().map(|(name, _)| *name).collect();
+                let names: Vec<_> =
+                    FILES.iter().map(|(name, _)| *name).filter(|name| *name != SHARED).collect();
                 return Err(Error::Usage(format!(
-                    "no kernel is made of the file `{name}`; they are made of {}",
+                    "no kernel includes the file `{name}`; the files are {}",
                     names.join(", ")
                 )));
             }
         }
-        let compile = |kernel: &&'static str| {
+        let compile = |&(kernel, colors): &(&'static str, u32)| {
             let text = read(kernel).unwrap_or_default();
-            Ok((*kernel, compile_stage(kernel, &text, prebuilt::DEFINES, &read)?))
+            let defines = format!("{}{}", prebuilt::DEFINES, engine_colors(colors));
+            let words = compile_stage(kernel, &text, &defines, &read)?;
+            let built = KERNELS.iter().find(|(name, most, _)| (*name, *most) == (kernel, colors));
+            let built = built.expect("it is changed").2;
+            check_hooks(&words, built).map_err(|fault| Error::shader(kernel, fault))?;
+            Ok((kernel, colors, words))
         };
         Ok(Self { own: changed.iter().map(compile).collect::<Result<_>>()? })
     }
@@ -73,10 +85,17 @@ impl Sources {
         self.own.is_empty()
     }
 
-    /// The words of the kernel that the file `name` is.
+    /// The words of the kernel that the file `name` is, for one colour target.
     pub fn words(&self, name: &str) -> &[u32] {
-        let own = self.own.iter().find(|(kernel, _)| *kernel == name);
-        let built = || KERNELS.iter().find(|(kernel, _)| *kernel == name).map(|(_, words)| *words);
-        own.map(|(_, words)| words.as_slice()).or_else(built).expect("a kernel of the engine")
+        self.words_for(name, 1)
+    }
+
+    /// As [`Sources::words`], for so many colour targets.
+    pub fn words_for(&self, name: &str, colors: usize) -> &[u32] {
+        let is = |kernel: &str, most: u32| kernel == name && (most == 1) == (colors <= 1);
+        let own = self.own.iter().find(|(kernel, most, _)| is(kernel, *most));
+        let built = || KERNELS.iter().find(|(kernel, most, _)| is(kernel, *most));
+        let built = || built().map(|(_, _, words)| *words);
+        own.map(|(_, _, words)| words.as_slice()).or_else(built).expect("a kernel of the engine")
     }
 }

@@ -16,7 +16,7 @@ use bytemuck::Pod;
 
 /// Colour and depth of one band, row by row.
 pub struct Target {
-    /// Words of pixels.
+    /// Words of pixels, one target after the other ([`Attachments::planes`]).
     pub color: Buffer<u32>,
     /// Depth of pixels.
     pub depth: Buffer<f32>,
@@ -37,20 +37,20 @@ impl Target {
         band: &Grid,
         attachments: &Attachments,
     ) -> Result<Self> {
-        let Attachments { color, depth, .. } = attachments;
         let pixels = band.extent.pixels();
-        let words = pixels * attachments.rows_format().texel_bytes() / 4;
-        let (color, host_color) =
-            rows(gpu, scratch, "color", words, color.as_ref().is_some_and(Attachment::is_read))?;
-        let (depth, host_depth) =
-            rows(gpu, scratch, "depth", pixels, depth.as_ref().is_some_and(Attachment::is_read))?;
+        // A buffer without elements cannot be bound.
+        let words = (band.plane_pixels() * attachments.texel_bytes() / 4).max(1);
+        let is_read = attachments.colors().any(Attachment::is_read);
+        let (color, host_color) = rows(gpu, scratch, "color", words, is_read)?;
+        let is_read = attachments.depth.as_ref().is_some_and(Attachment::is_read);
+        let (depth, host_depth) = rows(gpu, scratch, "depth", pixels, is_read)?;
         let bin_bounds = scratch.get(gpu, "bounds of bins", band.bins() as usize)?;
         Ok(Self { color, depth, bin_bounds, host_color, host_depth })
     }
 
     /// Brings colour to the host, where that takes anything.
     pub fn copy_of_color(&self, gpu: &Gpu) -> Result<Option<Recording>> {
-        copy(gpu, "copy of the colour target", &self.color, self.host_color.as_ref())
+        copy(gpu, "copy of the colour targets", &self.color, self.host_color.as_ref())
     }
 
     /// Brings depth to the host, where that takes anything.

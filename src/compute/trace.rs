@@ -55,7 +55,7 @@ impl Setup {
                 let depth = recorder.download(&target.depth)?;
                 recorder.submit()?;
                 let mut visibility = visibility.read()?;
-                if let Method::Opaque(_) = batch.method {
+                if let Method::Opaque { .. } = batch.method {
                     let args = shade_args.read()?;
                     let args = &args[..batch.fragment_kernels.len()];
                     show_covered(&mut visibility, band, args, &shade_bins.read()?);

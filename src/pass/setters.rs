@@ -7,7 +7,7 @@ use super::{
 use crate::{
     image::Extent,
     shader::Shader,
-    state::{Blend, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
+    state::{Blend, ColorState, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
     vk,
@@ -49,7 +49,13 @@ impl Pipeline {
         specialization: Vec<(u32, u32)>,
         vertex_bindings: Vec<VertexBinding>,
         vertex_attributes: Vec<VertexAttribute>,
-        blend: Option<Blend>,
+        colors: Vec<ColorState>,
+    }
+
+    /// The same with this [`blend`](ColorState::blend) for all colour targets, and with all channels written.
+    #[must_use]
+    pub fn blend(self, blend: impl Into<Option<Blend>>) -> Self {
+        self.colors([ColorState::default().blend(blend)])
     }
 }
 

@@ -2,6 +2,10 @@
 //! same words and never read outside a buffer.
 
 mod pipeline;
+mod targets;
+
+pub(crate) use pipeline::check_outputs;
+pub(crate) use targets::check_color_targets;
 
 use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline, StepRate};
 use crate::{
@@ -18,8 +22,6 @@ use std::{collections::HashSet, sync::Arc};
 
 /// Largest side of a target; every device with Vulkan 1.3 on a desktop has it.
 const TARGET_SIDE_PX: u32 = 16384;
-/// Most colour targets.
-const COLOR_TARGETS: usize = 1;
 /// Largest distance of a viewport's edge from the origin that Vulkan promises for that side.
 const VIEWPORT_BOUND_PX: f32 = 32768.0;
 /// Largest stride and attribute offset that Vulkan promises.
@@ -49,7 +51,9 @@ impl Pass {
         known.begin();
         for pipeline in &self.pipelines {
             let found = known.resources(pipeline);
-            found.map_err(|fault| named(format!("pipeline `{}`", pipeline.label), fault))?;
+            found
+                .and_then(|()| pipeline::check_outputs(&pipeline.fragment, self.colors.len()))
+                .map_err(|fault| named(format!("pipeline `{}`", pipeline.label), fault))?;
         }
         for (n, draw) in self.draws.iter().enumerate() {
             let Some(pipeline) = self.pipelines.get(draw.pipeline) else {
@@ -65,26 +69,6 @@ impl Pass {
             )?;
         }
         Ok(())
-    }
-
-    fn check_targets(&self) -> Fault {
-        let sides = 1..=TARGET_SIDE_PX;
-        if !sides.contains(&self.extent.width) || !sides.contains(&self.extent.height) {
-            return Err(format!("{} pixels; each side is 1 to {TARGET_SIDE_PX}", self.extent));
-        }
-        check_color_targets(self.colors.len())?;
-        for color in &self.colors {
-            color.check(self.extent)?;
-        }
-        self.depth.as_ref().map_or(Ok(()), |depth| depth.check(self.extent))
-    }
-}
-
-/// Refuses more colour targets than there may be.
-pub(crate) fn check_color_targets(targets: usize) -> Fault {
-    match targets > COLOR_TARGETS {
-        true => Err(format!("{targets} colour targets; there is at most {COLOR_TARGETS}")),
-        false => Ok(()),
     }
 }
 

@@ -5,7 +5,7 @@ use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     pass::{Draw, Pipeline, VertexAttribute},
-    state::{Blend, Topology},
+    state::{BlendEquation, ColorState, DepthState, Topology},
 };
 use std::ops::Range;
 
@@ -162,13 +162,6 @@ impl Planning<'_> {
         let full = [extent.width as i32 - 1, extent.height as i32 - 1];
         let scale = [viewport.width / 2.0, viewport.height / 2.0];
         let offset = [viewport.x + scale[0], viewport.y + scale[1]];
-        let depth_test = self.pass.depth.is_some() && pipeline.depth.test;
-        let equation = |b: crate::state::BlendEquation| {
-            b.src as u32
-                | (b.dst as u32) << abi::BLEND_TARGET_SHIFT
-                | (b.op as u32) << abi::BLEND_OP_SHIFT
-        };
-        let blend = pipeline.blend.unwrap_or(Blend::ALPHA);
         let (index_slot, index_bytes, first_element) = match &draw.indices {
             Some(indices) => {
                 let bytes = indices.format.bytes();
@@ -198,12 +191,8 @@ impl Planning<'_> {
             rect_min,
             rect_max,
             cut: u32::from(rect_min != [0, 0] || rect_max != full),
-            depth_test: depth_test.into(),
-            depth_write: (depth_test && pipeline.depth.write).into(),
-            depth_compare: pipeline.depth.compare as u32,
-            blend: pipeline.blend.is_some().into(),
-            blend_color: equation(blend.color),
-            blend_alpha: equation(blend.alpha),
+            depth_state: depth_state(&pipeline.depth, self.pass.depth.is_some()),
+            color_states: std::array::from_fn(|target| color_state(pipeline.color_state(target))),
             ..Piece::default()
         }))
     }
@@ -302,6 +291,28 @@ impl Planning<'_> {
         }
         Some((low, high))
     }
+}
+
+/// [`Piece::depth_state`].
+fn depth_state(depth: &DepthState, has_target: bool) -> u32 {
+    let test = depth.test && has_target;
+    let compare = (depth.compare as u32) << abi::DEPTH_STATE_COMPARE_SHIFT;
+    let write = if test && depth.write { abi::DEPTH_STATE_WRITE } else { 0 };
+    compare | write | if test { abi::DEPTH_STATE_TEST } else { 0 }
+}
+
+/// One of [`Piece::color_states`].
+fn color_state(state: ColorState) -> u32 {
+    let equation = |e: BlendEquation| {
+        e.src as u32
+            | (e.dst as u32) << abi::BLEND_TARGET_SHIFT
+            | (e.op as u32) << abi::BLEND_OP_SHIFT
+    };
+    let channels = state.write.iter().rev().fold(0, |mask, &on| mask << 1 | u32::from(on));
+    let blend = state.blend.map_or(0, |blend| {
+        equation(blend.color) | equation(blend.alpha) << abi::COLOR_ALPHA_SHIFT | abi::COLOR_BLENDS
+    });
+    blend | channels << abi::COLOR_MASK_SHIFT
 }
 
 /// The last element of a range of `bytes` that `attribute` can read, at least one by validation.

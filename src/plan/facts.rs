@@ -51,10 +51,10 @@ pub(crate) struct PipelineKernels {
 }
 
 impl PipelineKernels {
-    /// Those of `pipeline` in passes that have a depth target or not.
-    pub fn of(pipeline: &Pipeline, has_depth: bool) -> Self {
+    /// Those of `pipeline` in passes that have so many colour targets, and a depth target or not.
+    pub fn of(pipeline: &Pipeline, colors: usize, has_depth: bool) -> Self {
         let Facts { vertex, fragment, .. } = Facts::new(pipeline);
-        Self { vertex, fragment, method: method(pipeline, has_depth, 0) }
+        Self { vertex, fragment, method: method(pipeline, (colors, has_depth), 0) }
     }
 }
 
@@ -88,15 +88,26 @@ fn read_outputs(pipeline: &Pipeline) -> u32 {
 }
 
 /// How a pipeline is drawn.
-pub(super) fn method(pipeline: &Pipeline, has_depth: bool, kernel: usize) -> Method {
+pub(super) fn method(
+    pipeline: &Pipeline,
+    (colors, has_depth): (usize, bool),
+    kernel: usize,
+) -> Method {
     let fragment = &pipeline.fragment.reflection;
     let keyed = matches!(
         pipeline.depth.compare,
         Compare::Less | Compare::LessOrEqual | Compare::Greater | Compare::GreaterOrEqual
     );
     let tested = has_depth && pipeline.depth.test && pipeline.depth.write && keyed;
-    if tested && is_pure(fragment) && pipeline.blend.is_none() {
-        return Method::Opaque(pipeline.depth.compare);
+    if tested && is_pure(fragment) {
+        let compare = pipeline.depth.compare;
+        let states = || (0..colors).map(|target| pipeline.color_state(target));
+        if states().all(|state| !state.writes()) {
+            return Method::Opaque { compare, shades: false };
+        }
+        if states().all(|state| state.overwrites()) {
+            return Method::Opaque { compare, shades: true };
+        }
     }
     Method::Ordered { kernel, depth: depth_mode(fragment) }
 }

@@ -5,8 +5,8 @@
 //! bins. A batch ends where its buffers could overflow in the worst case ([`Capacities`]), where the
 //! resource table is full and another one begins, or where the method of drawing changes:
 //!
-//! * **opaque** work (a depth comparison towards or away from the viewer with write, no blending, no
-//!   discard, no depth export, no side effects) has a result that does not depend on its order and
+//! * **opaque** work (a depth comparison towards or away from the viewer with write, no blending, all channels of
+//!   all targets or none, no discard, no depth export, no side effects) has a result that does not depend on its order and
 //!   goes through visibility;
 //! * everything else is **ordered**, one fragment shader at a time.
 //!
@@ -71,8 +71,13 @@ pub struct KernelKey {
 /// How a batch is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Method {
-    /// Visibility first, then shading; all draws have this depth comparison.
-    Opaque(Compare),
+    /// Visibility first, then shading.
+    Opaque {
+        /// The depth comparison of all draws.
+        compare: Compare,
+        /// Whether the draws write colour: all of them write all targets, or none writes any.
+        shades: bool,
+    },
     /// In API order with one fragment kernel; the depth mode is one of `abi::DEPTH_*`.
     Ordered {
         /// Index into [`Plan::fragment_kernels`].
@@ -326,7 +331,11 @@ impl Planning<'_> {
             number_of(&mut plan.fragment_kernels, &mut numbers.fragment, fragment);
         let pipeline = &self.pass.pipelines[draw.pipeline];
         PipelineInfo {
-            method: method(pipeline, self.pass.depth.is_some(), fragment_kernel),
+            method: method(
+                pipeline,
+                (self.pass.colors.len(), self.pass.depth.is_some()),
+                fragment_kernel,
+            ),
             vertex_kernel,
             fragment_kernel,
             varying_stride: *varying_stride,

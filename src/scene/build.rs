@@ -17,7 +17,7 @@ use crate::{
     format::VertexFormat,
     image::Extent,
     pass::{IndexFormat, Pipeline, StepRate, VertexAttribute, VertexBinding},
-    state::{Blend, Cull, DepthState, FrontFace, Topology},
+    state::{Blend, ColorState, Cull, DepthState, FrontFace, Topology},
     texture::Texture,
 };
 use glam::DMat4;
@@ -355,7 +355,7 @@ impl Pipelines<'_> {
                 true => FrontFace::Clockwise,
             },
             depth: DepthState { write: !blended, ..DepthState::LESS },
-            blend: blended.then_some(Blend::ALPHA),
+            colors: vec![ColorState::default().blend(blended.then_some(Blend::ALPHA))],
         }
     }
 }

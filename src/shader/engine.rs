@@ -37,13 +37,18 @@ pub fn forbid_contraction(module: &mut Module) {
     module.annotations.extend(exact);
 }
 
-/// Adds `first` to the `constant_id` of each specialization constant.
+/// The macro that a kernel is compiled with if it writes up to so many colour targets.
+pub fn colors(count: u32) -> String {
+    format!("#define COLORS {count}\n")
+}
+
+/// Adds `first` to the `constant_id` of each specialization constant, which has room for it.
 pub fn number_constants(module: &mut Module, first: u32) {
     for decoration in &mut module.annotations {
         if let [_, Operand::Decoration(Decoration::SpecId), Operand::LiteralBit32(id)] =
             decoration.operands.as_mut_slice()
         {
-            *id += first;
+            *id = id.saturating_add(first);
         }
     }
 }

@@ -45,6 +45,7 @@ pub(crate) mod testing {
 }
 
 use crate::{Error, Result, abi, format::Format, image::Shape, load_spirv::load};
+pub(crate) use engine::colors as engine_colors;
 pub use file::FileOptions;
 pub(crate) use resource::ResourceArray;
 use rspirv::binary::Assemble as _;
@@ -329,6 +330,14 @@ pub(crate) fn compile_stage(
     engine::forbid_contraction(&mut module);
     engine::number_constants(&mut module, abi::SPEC_FIRST);
     Ok(module.assemble())
+}
+
+/// Refuses a text that no compiler takes, naming the line.
+///
+/// # Errors
+/// [`Error::Shader`].
+pub(crate) fn check_text(label: &str, text: &str) -> Result<()> {
+    compile::plain_ascii(text).map(drop).map_err(|reason| Error::shader(label, reason))
 }
 
 /// Whether `words` are a valid module, by the validator.

@@ -366,7 +366,7 @@ mod tests {
 
     #[test]
     fn every_kernel_stays_valid() {
-        for (_, words) in prebuilt::KERNELS {
+        for (_, _, words) in prebuilt::KERNELS {
             let Some(addressed) = lower(words, true).unwrap() else { continue };
             assert_eq!(complaint(&addressed.spirv), None);
             assert!(lower(&addressed.spirv, true).unwrap().is_none(), "nothing is left to replace");

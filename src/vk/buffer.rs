@@ -330,7 +330,8 @@ impl RawBuffer {
         match pointer {
             Some(pointer) if self.memory == memory => Ok(pointer.as_ptr().cast()),
             _ => Err(Error::Usage(format!(
-                "buffer `{}` is for {:?}, the host needs one for {memory:?}",
+                "buffer `{}` was made for `Memory::{:?}`; the host reaches `Memory::{memory:?}` in this way. A recording \
+                 reaches all of them: see `Encoder::upload` and `Buffer::download`",
                 self.name, self.memory
             ))),
         }

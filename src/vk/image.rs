@@ -126,7 +126,8 @@ impl Image {
         Ok(image::Picture { extent, format, bytes: copy.read()? })
     }
 
-    /// Replaces the content of all levels, from the largest down, and waits. [`Recorder::upload_image`] does not wait.
+    /// Replaces the content of levels, from the largest down, and waits. [`Recorder::upload_image`] does not wait, and says
+    /// what becomes of further levels.
     ///
     /// # Errors
     /// As [`Recorder::upload_image`] and [`super::Recording::run`].

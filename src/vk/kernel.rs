@@ -120,7 +120,9 @@ impl Kernel {
                 info.name
             )));
         }
-        Self::make(gpu, info, false)
+        let kept = table_bounds::keep_arrays(info.spirv)
+            .map_err(|fault| Error::Usage(format!("kernel `{}` {fault}", info.name)))?;
+        Self::make(gpu, &KernelInfo { spirv: &kept, ..*info }, false)
     }
 
     /// As [`Kernel::new`], for a module that keeps to the bounds of its own buffers. These are the engine's
@@ -235,6 +237,14 @@ fn check_limits(
             reflection.push_constant_bytes,
             gpu.name(),
             gpu.0.push_constant_bytes
+        ));
+    }
+    if reflection.shared_bytes > u64::from(limits.shared_bytes) {
+        return Err(format!(
+            "shares {} bytes in a workgroup; {} allows {}",
+            reflection.shared_bytes,
+            gpu.name(),
+            limits.shared_bytes
         ));
     }
     let (min, max) = limits.subgroup_sizes;

@@ -51,6 +51,9 @@ pub(crate) struct DrawLimits {
     pub vertex_outputs: u32,
     pub fragment_inputs: u32,
     pub fragment_outputs: u32,
+    /// Colour targets, and whether each may blend in its own way.
+    pub colors: u32,
+    pub independent_blend: bool,
     /// Commands of one indirect draw, and whether a buffer may say how many there are.
     pub commands: u32,
     pub counts_commands: bool,
@@ -71,6 +74,8 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         vertex_outputs: l.max_vertex_output_components / 4,
         fragment_inputs: l.max_fragment_input_components / 4,
         fragment_outputs: l.max_fragment_output_attachments,
+        colors: l.max_color_attachments,
+        independent_blend: probe.features.core.independent_blend == vk::TRUE,
         commands: match probe.features.core.multi_draw_indirect == vk::TRUE
             && probe.features.core.draw_indirect_first_instance == vk::TRUE
         {

@@ -41,6 +41,8 @@ pub(super) struct KernelReflection {
     pub addresses: Option<(u32, u32)>,
     pub table_address: bool,
     pub push_constant_bytes: u32,
+    /// Bytes that a workgroup shares.
+    pub shared_bytes: u64,
     pub workgroup: [u32; 3],
     /// Specialization constants: name, id and size in bytes (booleans have 4).
     pub constants: Vec<(String, u32)>,
@@ -92,6 +94,10 @@ pub(super) fn reflect(
         let Some(pointer) = variable.result_type.and_then(|t| m.types.get(&t)) else { continue };
         let Some(&Operand::StorageClass(class)) = variable.operands.first() else { continue };
         let pointee = word(pointer, 1);
+        if class == StorageClass::Workgroup {
+            found.shared_bytes = found.shared_bytes.saturating_add(m.scalar_bytes(pointee));
+            continue;
+        }
         if class == StorageClass::PushConstant {
             found.push_constant_bytes = m.size(pointee)?;
             continue;
@@ -304,6 +310,21 @@ impl<'a> Module<'a> {
         let array = self.types.get(&word(block, 0))?;
         let only = block.operands.len() == 1 && array.class.opcode == Op::TypeRuntimeArray;
         only.then(|| self.decoration(array.result_id?, Decoration::ArrayStride)).flatten()
+    }
+
+    /// Bytes of all scalars of a type.
+    fn scalar_bytes(&self, id: Word) -> u64 {
+        let Some(t) = self.types.get(&id) else { return 0 };
+        let of = |n: usize| self.scalar_bytes(word(t, n));
+        match t.class.opcode {
+            Op::TypeInt | Op::TypeFloat => u64::from(word(t, 0) / 8),
+            Op::TypeBool => 4,
+            Op::TypeVector | Op::TypeMatrix => of(0).saturating_mul(word(t, 1).into()),
+            // A length that is not known here is the device's business.
+            Op::TypeArray => of(0).saturating_mul(self.constant(word(t, 1)).unwrap_or(1).into()),
+            Op::TypeStruct => (0..t.operands.len()).fold(0, |all, n| all.saturating_add(of(n))),
+            _ => 0,
+        }
     }
 
     /// Bytes of a type as laid out in a block.

@@ -9,7 +9,7 @@ use super::{edit::Edit, table_sizes::TableSizes};
 use crate::load_spirv::load;
 use rspirv::{
     dr::{Instruction, Operand},
-    spirv::{Decoration, GlslStd450Op, Op, Word},
+    spirv::{Decoration, GlslStd450Op, Op, StorageClass, Word},
 };
 use std::collections::{HashMap, HashSet};
 
@@ -22,6 +22,18 @@ pub(super) fn keep(words: &[u32], sizes: TableSizes) -> Result<Vec<u32>, String>
     let mut bounds = Bounds { edit: Edit::new(module), std450: None };
     let arrays = bounds.arrays(sizes)?;
     bounds.rewrite(&arrays);
+    Ok(bounds.edit.assemble())
+}
+
+/// The module with its indices of arrays, vectors and matrices kept inside of these, where they are a workgroup's or an
+/// invocation's own. Devices check the bounds of buffers alone.
+///
+/// # Errors
+/// The reason, if the words are no module.
+pub(super) fn keep_arrays(words: &[u32]) -> Result<Vec<u32>, String> {
+    let module = load(words).map_err(|e| format!("is no SPIR-V module: {e}"))?;
+    let mut bounds = Bounds { edit: Edit::new(module), std450: None };
+    bounds.keep_arrays();
     Ok(bounds.edit.assemble())
 }
 
@@ -140,8 +152,80 @@ impl Bounds {
         self.edit.module.functions = functions;
     }
 
+    fn keep_arrays(&mut self) {
+        let types: HashMap<Word, Word> = (self.edit.module.all_inst_iter())
+            .filter_map(|i| Some((i.result_id?, i.result_type?)))
+            .collect();
+        let mut functions = std::mem::take(&mut self.edit.module.functions);
+        for block in functions.iter_mut().flat_map(|f| &mut f.blocks) {
+            let mut code = Vec::with_capacity(block.instructions.len());
+            for mut i in std::mem::take(&mut block.instructions) {
+                if matches!(i.class.opcode, Op::AccessChain | Op::InBoundsAccessChain) {
+                    self.keep_chain(&mut i, &types, &mut code);
+                }
+                code.push(i);
+            }
+            block.instructions = code;
+        }
+        self.edit.module.functions = functions;
+    }
+
+    /// Keeps the indices of one access chain.
+    fn keep_chain(
+        &mut self,
+        chain: &mut Instruction,
+        types: &HashMap<Word, Word>,
+        code: &mut Vec<Instruction>,
+    ) {
+        use StorageClass::{Function, Private, Workgroup};
+        let base = chain.operands.first().and_then(Operand::id_ref_any);
+        let Some(pointer) = base.and_then(|base| types.get(&base)) else { return };
+        let class = self.edit.globals.get(pointer).and_then(|i| i.operands.first().cloned());
+        let Some(Operand::StorageClass(Workgroup | Private | Function)) = class else { return };
+        let mut whole = self.edit.operand(*pointer, 1);
+        for at in 1..chain.operands.len() {
+            let Some(index) = chain.operands[at].id_ref_any() else { return };
+            let Some(ty) = self.edit.globals.get(&whole) else { return };
+            let (op, length) = (ty.class.opcode, ty.operands.get(1).cloned());
+            let known = self.edit.number(index);
+            if op == Op::TypeStruct {
+                whole = self.edit.operand(whole, known.unwrap_or(0) as usize);
+                continue;
+            }
+            let last = match length {
+                Some(Operand::LiteralBit32(count)) => self.edit.constant(count.saturating_sub(1)),
+                Some(Operand::IdRef(length)) => match self.edit.number(length) {
+                    Some(count) => self.edit.constant(count.saturating_sub(1)),
+                    None => self.one_less(length),
+                },
+                _ => return,
+            };
+            let least = self.edit.number(last);
+            if known.is_none() || known > least {
+                let ty = types.get(&index).copied().unwrap_or(self.edit.uint);
+                let inside = self.at_most(index, ty, last, code);
+                chain.operands[at] = Operand::IdRef(inside);
+            }
+            whole = self.edit.operand(whole, 0);
+        }
+    }
+
+    /// A constant that specialization changes, less 1, as an unsigned integer of 32 bits.
+    fn one_less(&mut self, length: Word) -> Word {
+        let (uint, one) = (self.edit.uint, self.edit.constant(1));
+        let op = Operand::LiteralSpecConstantOpInteger(Op::ISub);
+        let operands = vec![op, Operand::IdRef(length), Operand::IdRef(one)];
+        self.edit.global(Op::SpecConstantOp, Some(uint), operands)
+    }
+
     /// The least of `index`, an integer of any type that counts as unsigned, and `last`.
     fn inside(&mut self, index: Word, ty: Word, last: u32, code: &mut Vec<Instruction>) -> Word {
+        let last = self.edit.constant(last);
+        self.at_most(index, ty, last, code)
+    }
+
+    /// As [`Bounds::inside`]; `last` is a constant.
+    fn at_most(&mut self, index: Word, ty: Word, last: Word, code: &mut Vec<Instruction>) -> Word {
         let uint = self.edit.uint;
         let mut emit = |edit: &mut Edit, op, ty, operands| {
             let id = edit.id();
@@ -155,8 +239,13 @@ impl Bounds {
         let std450 = self.std450();
         let bits = self.edit.globals.get(&ty).and_then(|ty| ty.operands.first().cloned());
         if bits == Some(Operand::LiteralBit32(64)) {
-            let limit = vec![Operand::LiteralBit64(last.into())];
-            let limit = self.edit.global(Op::Constant, Some(ty), limit);
+            let limit = match self.edit.number(last) {
+                Some(last) => {
+                    let limit = vec![Operand::LiteralBit64(last.into())];
+                    self.edit.global(Op::Constant, Some(ty), limit)
+                }
+                None => emit(&mut self.edit, Op::SConvert, ty, vec![Operand::IdRef(last)]),
+            };
             let index = emit(&mut self.edit, Op::ExtInst, ty, least(index, limit, std450));
             return emit(&mut self.edit, Op::UConvert, uint, vec![Operand::IdRef(index)]);
         }
@@ -165,7 +254,6 @@ impl Bounds {
             true => emit(&mut self.edit, Op::Bitcast, uint, vec![Operand::IdRef(index)]),
             false => emit(&mut self.edit, Op::UConvert, uint, vec![Operand::IdRef(index)]),
         };
-        let last = self.edit.constant(last);
         emit(&mut self.edit, Op::ExtInst, uint, least(index, last, std450))
     }
 
@@ -343,8 +431,35 @@ mod tests {
 
     #[test]
     fn the_kernels_of_the_engine_stay_valid() {
-        for (_, words) in prebuilt::KERNELS {
+        for (_, _, words) in prebuilt::KERNELS {
             assert_eq!(complaint(&keep(words, SIZES).unwrap()), None);
+        }
+    }
+
+    #[test]
+    fn arrays_of_lengths_that_are_specialized_stay_valid() {
+        let words = kernel(
+            "#version 460
+             layout(local_size_x = 16) in;
+             layout(constant_id = 3) const uint LENGTH = 16u;
+             layout(std430, binding = 0) buffer Numbers { uint numbers[]; };
+             shared uint s[LENGTH];
+             shared mat4 m[3];
+             void main() {
+                 uint i = numbers[0];
+                 s[i] = s[int(i)] + s[2u * i];
+                 m[i][i][int(i)] = 1.0;
+                 barrier();
+                 numbers[1] = s[2] + uint(m[1][2].x);
+             }",
+        );
+        assert_eq!(complaint(&keep_arrays(&words).unwrap()), None);
+    }
+
+    #[test]
+    fn the_kernels_of_the_engine_stay_valid_with_bounds() {
+        for (_, _, words) in prebuilt::KERNELS {
+            assert_eq!(complaint(&keep_arrays(words).unwrap()), None);
         }
     }
 }

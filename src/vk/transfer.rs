@@ -115,18 +115,19 @@ impl Recorder {
         Ok(copy)
     }
 
-    /// Uploads all levels of `image`, from the largest down, and leaves it as shaders expect it.
+    /// Uploads levels of `image`, from the largest down, and leaves it as shaders expect it. Levels below those that are given
+    /// keep what they hold, until [`Recorder::make_levels`] makes them, for example.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the levels are not those of the image, or if a depth is outside 0..=1.
+    /// [`Error::Usage`] if there is no level, if the image has fewer or its levels have other sizes, or if a depth is outside
+    /// 0..=1.
     pub fn upload_image<L: AsRef<[u8]>>(&mut self, image: &Image, levels: &[L]) -> Result<()> {
         same_device(self, image)?;
         let raw = &image.0;
-        if levels.len() != raw.levels as usize {
+        if !(1..=raw.levels as usize).contains(&levels.len()) {
             let (name, has, given) = (&raw.name, raw.levels, levels.len());
             return Err(Error::Usage(format!(
-                "image `{name}` has {has} levels, not {given}: upload all of them (`make_levels` then makes those below \
-                 level 0 anew)"
+                "image `{name}` has {has} levels, not {given}: upload one or more, from level 0 on"
             )));
         }
         raw.check_copied(false, true)?;
@@ -151,7 +152,11 @@ impl Recorder {
             at += bytes;
             regions.push(region);
         }
-        self.transition(image, vk::ImageLayout::UNDEFINED, WRITTEN);
+        let before = match levels.len() == raw.levels as usize {
+            true => vk::ImageLayout::UNDEFINED,
+            false => raw.shader_layout(),
+        };
+        self.transition(image, before, WRITTEN);
         // SAFETY: the regions are the image's levels, and lie in `staging` one after the other.
         unsafe {
             let (from, to) = (staging.raw().handle, raw.handle);

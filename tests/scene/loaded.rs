@@ -269,7 +269,10 @@ fn polygons_and_missing_files_of_obj() {
     let scene = case.load("a.obj");
     let pass = pass(&scene);
     assert_eq!(scene.triangles(), 2);
-    assert!(pass.pipelines[0].blend.is_some(), "d 0.5 blends, and the library was found");
+    assert!(
+        pass.pipelines[0].color_state(0).blend.is_some(),
+        "d 0.5 blends, and the library was found"
+    );
     assert!(scene.warnings().iter().any(|w| w.contains("gone.png")), "{:?}", scene.warnings());
     let Binding::Uniform(block) = &pass.draws[0].sets[1].entries[0].resources[0] else {
         panic!("the material's block comes first");
@@ -313,7 +316,7 @@ fn blended_draws_come_last_and_from_the_back() {
     for eye in [DVec3::new(1.0, 1.0, 5.0), DVec3::new(-1.0, 0.5, -5.0)] {
         let camera = scene.camera_at(eye, DVec3::ZERO, DVec3::Y, 0.8);
         let pass = scene.pass(EXTENT, &camera, &PassOptions::default()).unwrap();
-        let blends = |d: &Draw| pass.pipelines[d.pipeline].blend.is_some();
+        let blends = |d: &Draw| pass.pipelines[d.pipeline].color_state(0).blend.is_some();
         let first = pass.draws.iter().position(blends).unwrap();
         assert!(pass.draws[first..].iter().all(blends) && first == 1);
         // w of clip space is the distance.

@@ -95,7 +95,6 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     check_specialization(pipeline)?;
     check_attributes(pipeline)?;
     check_varyings(pipeline)?;
-    check_outputs(&pipeline.fragment)?;
     let mut all = merged(&pipeline.vertex, &pipeline.fragment)?;
     // Of two variables at one place, one may be a run-time array and the other as long as it says.
     let is_open = |r: &Resource, all: &[Resource]| {
@@ -114,14 +113,14 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     Ok(all)
 }
 
-/// Checks that the fragment shader writes the kind of value that the colour target holds. Its outputs at other
+/// Checks that the fragment shader writes the kind of value that so many colour targets hold. Its outputs at other
 /// locations vanish, as in Vulkan.
-fn check_outputs(fragment: &Shader) -> Fault {
-    let outputs = fragment.reflection.outputs.iter();
-    match outputs.filter(|o| o.location == 0).find(|o| o.scalar != Scalar::Float) {
+pub(crate) fn check_outputs(fragment: &Shader, targets: usize) -> Fault {
+    let mut outputs = fragment.reflection.outputs.iter();
+    match outputs.find(|o| (o.location as usize) < targets && o.scalar != Scalar::Float) {
         Some(output) => Err(format!(
-            "`{}` writes {} to location 0; colour targets hold floats",
-            fragment.label, output.scalar
+            "`{}` writes {} to location {}; colour targets hold floats",
+            fragment.label, output.scalar, output.location
         )),
         None => Ok(()),
     }

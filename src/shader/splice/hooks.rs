@@ -29,10 +29,10 @@
 use super::linker::Linker;
 use crate::shader::module::Outcome;
 use rspirv::{
-    dr::{Module, Operand},
+    dr::{Instruction, Module, Operand},
     spirv::{Op, Word},
 };
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// The kernel's hooks by name.
 pub(super) struct Hooks {
@@ -62,6 +62,27 @@ impl Hooks {
         Ok(Self { functions, variables, entry })
     }
 
+    /// The hooks with their types, as text. Equal texts are equal types.
+    pub fn types(&self, kernel: &Module) -> BTreeMap<String, String> {
+        let globals: HashMap<Word, &Instruction> =
+            kernel.types_global_values.iter().filter_map(|i| Some((i.result_id?, i))).collect();
+        let functions: HashMap<Word, Word> = (kernel.functions.iter())
+            .filter_map(|f| {
+                let def = f.def.as_ref()?;
+                let ty = def.operands.get(1).and_then(Operand::id_ref_any)?;
+                Some((def.result_id?, ty))
+            })
+            .collect();
+        let variable = |id: &Word| {
+            globals.get(id).filter(|i| i.class.opcode == Op::Variable).and_then(|i| i.result_type)
+        };
+        let all = self.functions.iter().map(|(name, id)| (name, functions.get(id).copied()));
+        let variables = self.variables.iter().map(|(name, id)| (name, variable(id)));
+        all.chain(variables)
+            .filter_map(|(name, ty)| Some((name.clone(), type_text(&globals, ty?, 0))))
+            .collect()
+    }
+
     /// A function by its name and glslang's codes of its parameters.
     pub fn function(&self, name: &str) -> Outcome<Word> {
         let found = self.functions.get(name).copied();
@@ -80,4 +101,15 @@ impl Hooks {
         let found = self.variable(linker, "tw_HelperInvocation");
         Ok(found.ok_or("the kernel has no variable tw_HelperInvocation")?.0)
     }
+}
+
+/// A declaration with those that it is made of. No hook has a type that is nested deeper.
+fn type_text(globals: &HashMap<Word, &Instruction>, id: Word, depth: usize) -> String {
+    let Some(declared) = globals.get(&id).filter(|_| depth < 8) else { return String::new() };
+    let operand = |operand: &Operand| match operand.id_ref_any() {
+        Some(id) => type_text(globals, id, depth + 1),
+        None => format!("{operand:?}"),
+    };
+    let operands: Vec<String> = declared.operands.iter().map(operand).collect();
+    format!("{:?}({})", declared.class.opcode, operands.join(", "))
 }

@@ -100,6 +100,31 @@ pub fn splice(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Resul
     Ok(Spliced { spirv })
 }
 
+/// Whether the hooks of `kernel` are those of `like`, by name and by type, so that shaders can be spliced into it.
+///
+/// # Errors
+/// A sentence that names the hook.
+pub(crate) fn check_hooks(kernel: &[u32], like: &[u32]) -> Outcome<()> {
+    let types = |words: &[u32]| -> Outcome<_> {
+        let module = module::parse(words)?;
+        Ok(Hooks::new(&module)?.types(&module))
+    };
+    let (found, wanted) = (types(kernel)?, types(like)?);
+    for (hook, ty) in wanted {
+        let name = hook.split('(').next().unwrap_or(&hook);
+        match found.get(&hook) {
+            Some(same) if *same == ty => {}
+            Some(_) => return Err(format!("`{name}` has other types than in the engine's text")),
+            None => {
+                return Err(format!(
+                    "`{name}`, as the engine's text declares it, is missing or nothing calls it"
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
 fn link(kernel: &[u32], shader: &Shader, options: &SpliceOptions) -> Outcome<Vec<u32>> {
     let user = module::parse(&shader.spirv)?;
     let index = Index::new(&user);

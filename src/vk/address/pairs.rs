@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn kernels_take_vectors_by_pairs_where_that_is_proven() {
         let mut wide = 0;
-        for (_, words) in prebuilt::KERNELS {
+        for (_, _, words) in prebuilt::KERNELS {
             let Some(addressed) = lower(words, true).unwrap() else { continue };
             assert_eq!(complaint(&addressed.spirv), None);
             wide += accesses(&addressed).0;

@@ -1,0 +1,30 @@
+// The colour targets as kernels write them: one after the other in one buffer, each pixel after pixel.
+//
+// The file that includes this one declares the buffer `color` and the push constants `batch`.
+#ifndef TARGETS_GLSL
+#define TARGETS_GLSL
+#include "lib/color.glsl"
+
+layout(constant_id = SPEC_FORMATS) const uint FORMATS = 0xffffff00u | FORMAT_RGBA8_UNORM;
+layout(constant_id = SPEC_MORE_FORMATS) const uint MORE_FORMATS = 0xffffffffu;
+
+// The format of a target, or NO_FORMAT.
+uint format_of(const uint target) {
+    return ((target < 4u ? FORMATS : MORE_FORMATS) >> (8u * (target & 3u))) & 0xffu;
+}
+
+// The first word of a pixel of `target`.
+uint color_place(const uint target, const uint pixel) {
+    uint before = 0u;
+#define ADD_WORDS(t) if (t < target) before += color_words(format_of(t));
+    EACH_COLOR(ADD_WORDS)
+    uint plane = (batch.width * batch.height + PLANE_PIXELS - 1u) & ~(PLANE_PIXELS - 1u);
+    return before * plane + color_words(format_of(target)) * pixel;
+}
+
+void store_color(const uint target, const uint pixel, const uvec2 words) {
+    uint at = color_place(target, pixel);
+    color[at] = words.x;
+    if (color_words(format_of(target)) == 2u) color[at + 1u] = words.y;
+}
+#endif
