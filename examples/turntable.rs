@@ -34,6 +34,10 @@ pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Pictur
     // The target lives on the device: frames draw to it, and nothing comes to the host in between.
     let (format, usage) = (Format::Rgba8Srgb, ImageUse::Attachment);
     let target = Image::new(gpu, &ImageInfo::new("turntable", extent, format, usage))?;
+    // So does the texture. The host has its largest level, and the device makes the others.
+    let info = ImageInfo::new("tiles", Extent::new(128, 128), format, usage).all_levels();
+    let texture = Image::new(gpu, &info)?;
+    texture.upload(&[tiles()])?;
 
     let vertex = Shader::from_glsl(Stage::Vertex, "turntable.vert", VERTEX)?;
     let fragment = Shader::from_glsl(Stage::Fragment, "turntable.frag", FRAGMENT)?;
@@ -51,7 +55,10 @@ pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Pictur
             BufferRange::host("indices", bytemuck::cast_slice(&indices)),
             IndexFormat::U16,
         ))
-        .sets([BindingSet::new([(0, Binding::sampled(tiles(), Sampler::default()))])])
+        .sets([BindingSet::new([(
+            0,
+            Binding::sampled(Texture::on_device(&texture), Sampler::default()),
+        )])])
         .push(&[0.0f32; 16]);
     let mut pass = Pass::new("turntable", extent)
         .colors([ColorTarget::on_device(&target, LoadOp::Clear([0.02, 0.02, 0.03, 1.0]))])
@@ -63,6 +70,9 @@ pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Pictur
     let projection = perspective(0.7, aspect, 0.1, 10.0);
     let view = look_at_mat4(Vec3::new(0.0, 1.3, 2.6), Vec3::ZERO, Vec3::Y);
     let mut renderer = Renderer::new(gpu)?;
+    let mut first = renderer.begin()?;
+    first.make_levels(&texture)?;
+    first.submit()?;
     for n in 0..frames {
         let model = Mat4::from_rotation_y(n as f32 * 0.0123);
         let matrix = projection * view * model;
@@ -92,19 +102,13 @@ fn cube() -> (Vec<[f32; 5]>, Vec<u16>) {
     (vertices, indices)
 }
 
-/// Eight by eight tiles of two colours, with all mip levels: two texels a tile make a level of its mean colour.
-fn tiles() -> Texture {
-    let texel = |side: u32, i: u32| {
-        let tile = |at: u32| at * 8 / side;
-        match side {
-            8.. if (tile(i % side) + tile(i / side)).is_multiple_of(2) => [236, 220, 190, 255],
-            8.. => [60, 100, 130, 255],
-            _ => [180, 172, 164, 255],
-        }
+/// Texels of eight by eight tiles of two colours, 128 x 128 in all.
+fn tiles() -> Vec<u8> {
+    let texel = |i: usize| match (i % 128 / 16 + i / 128 / 16).is_multiple_of(2) {
+        true => [236, 220, 190, 255],
+        false => [60, 100, 130, 255],
     };
-    let level = |side: u32| (0..side * side).flat_map(|i| texel(side, i)).collect::<Vec<u8>>();
-    let levels = (0..8).map(|n| level(128 >> n)).collect();
-    Texture::new("tiles", Extent::new(128, 128), Format::Rgba8Srgb, levels)
+    (0..128 * 128).flat_map(texel).collect()
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
