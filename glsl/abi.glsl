@@ -84,6 +84,7 @@ struct Piece {
     ivec2 rect_min;
     ivec2 rect_max;
     uint color_states[MAX_COLORS];
+    vec3 depth_bias;
 };
 
 struct Attribute {
@@ -120,6 +121,7 @@ struct QuadPiece {
     uint draw_id, front_face, cut, depth_state;
     ivec2 rect_min, rect_max;
     uvec4 colors[MAX_COLORS / 4u]; // color_states
+    vec3 depth_bias;
 };
 
 // `Triangle` by pairs of words, one pair for each lane of a quad in either half.

@@ -47,7 +47,7 @@ void main() {
         uint cell = primitive_cells[primitive];
         if (cell < SEVERAL_CELLS) entries[atomicAdd(cell_ends[cell], 1u)] = key_of(primitive, 0u);
         if (cell != SEVERAL_CELLS) continue;
-        uint parts = 1u + (triangles[primitive].shading[3].y >> TRIANGLE_EXTRA_SHIFT);
+        uint parts = 1u + ((triangles[primitive].shading[3].y >> TRIANGLE_EXTRA_SHIFT) & ((1u << TRIANGLE_EXTRA_BITS) - 1u));
         for (uint part = 0u; part < parts; part++) scatter(key_of(primitive, part));
     }
 }

@@ -122,7 +122,7 @@ void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     float depth_w = interpolate(perspective, triangle.w);
     linear = depth_w != 0.0 ? perspective * triangle.w / depth_w : vec3(1.0, 0.0, 0.0);
 
-    float z = depth_at(triangle.plane.x, triangle.plane.y, triangle.plane.z, pixel);
+    float z = depth_at(triangle.plane, triangle.bias, pixel);
     tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? triangle.scale / depth_w : 0.0);
     tw_FragDepth = z;
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;

@@ -86,11 +86,16 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     Edges edges = edges_from(ivec3(x_low.xyz), ivec3(y_high.xyz), origin, 0u);
     ivec3 least = edges.at + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
     bool covers = COVERS_WHOLE_BINS && (least.x | least.y | least.z) >= 0 && all(lessThanEqual(low, ivec2(0))) && all(greaterThanEqual(high, BIN_LAST));
-    uvec4 depth_piece = of_first_half(triangles[t].shading[QUAD_LANE]);
+    uvec2 own_shading = triangles[t].shading[QUAD_LANE];
+    uvec4 depth_piece = of_first_half(own_shading);
     uint piece = depth_piece.w;
     vec3 z_plane = uintBitsToFloat(depth_piece.xyz);
     uint depth_state = pieces[piece].depth_state, operation = depth_state >> DEPTH_STATE_COMPARE_SHIFT;
     bool test = (depth_state & DEPTH_STATE_TEST) != 0u, write = (depth_state & DEPTH_STATE_WRITE) != 0u;
+    float bias = 0.0;
+    if ((depth_state & DEPTH_STATE_BIAS) != 0u) {
+        bias = bias_of(pieces[piece].depth_bias, z_plane.yz, of_second_half(own_shading).w >> TRIANGLE_EXPONENT_SHIFT);
+    }
     uvec4 states[MAX_COLORS / 4u];
     states[0] = of_quad(pieces[piece].colors[0][QUAD_LANE]);
     if (MORE_FORMATS != 0xffffffffu) states[1] = of_quad(pieces[piece].colors[1][QUAD_LANE]);
@@ -115,7 +120,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                 }
                 if (alive && test && DEPTH != DEPTH_LATE) {
                     uint at = uint(local_origin.y + y) * batch.width + uint(local_origin.x + x);
-                    float z = depth_in_column(z_column, z_plane.z, origin.y + y);
+                    float z = depth_in_column(z_column, z_plane.z, bias, origin.y + y);
                     alive = compare(operation, z, depth[at]);
                     if (DEPTH == DEPTH_EARLY && alive && write) depth[at] = z;
                 }

@@ -15,6 +15,7 @@
 #version 460
 #include "pieces.glsl"
 #include "lib/cells.glsl"
+const bool BIASED = true;
 #include "lib/depth.glsl"
 #include "lib/window.glsl"
 
@@ -85,7 +86,12 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
     }
 
     vec3 plane = depth_plane(a, b, c);
-    uint flags = TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
+    uint biased = 0u;
+    if ((piece.depth_state & DEPTH_STATE_BIAS) != 0u) {
+        float largest = max(abs(a.z), max(abs(b.z), abs(c.z)));
+        biased = TRIANGLE_BIASED | floatBitsToUint(largest) >> 23 << TRIANGLE_EXPONENT_SHIFT;
+    }
+    uint flags = biased | TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
     uvec2 first = uvec2(low - ivec2(0, int(batch.origin_y))), last = uvec2(high - ivec2(0, int(batch.origin_y)));
     ivec3 x = ivec3(sa.x, sb.x, sc.x), y = ivec3(sa.y, sb.y, sc.y);
     uint level = cell_level(x, y, first, last, batch.origin_y);

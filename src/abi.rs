@@ -74,6 +74,8 @@ shared_constants! {
     pub const SPEC_COMPARE: u32 = 1;
     /// Specialization constant: whether raster keeps the pixels of a bin in the targets' own memory.
     pub const SPEC_IN_PLACE: u32 = 6;
+    /// Specialization constant: whether triangles of the batch may have a depth bias.
+    pub const SPEC_BIASED: u32 = 8;
     /// Specialization constant: the formats of the first four colour targets, a byte each, [`NO_FORMAT`] where there is no
     /// target.
     pub const SPEC_FORMATS: u32 = 2;
@@ -126,10 +128,16 @@ shared_constants! {
     pub const TRIANGLE_FRONT: u32 = 2;
     /// [`Triangle::flags`]: its bounds are cut by the viewport or scissor, so pixels must be tested against them.
     pub const TRIANGLE_CUT: u32 = 4;
+    /// [`Triangle::flags`]: its depths have a bias.
+    pub const TRIANGLE_BIASED: u32 = 8;
     /// [`Triangle::flags`]: first bit of its cell level.
     pub const TRIANGLE_LEVEL_SHIFT: u32 = 4;
     /// [`Triangle::flags`]: first bit of the number of triangles its primitive was clipped into, less one.
     pub const TRIANGLE_EXTRA_SHIFT: u32 = 8;
+    /// [`Triangle::flags`]: bits of that number.
+    pub const TRIANGLE_EXTRA_BITS: u32 = 4;
+    /// [`Triangle::flags`]: first of eight bits, the exponent of the largest depth of its corners if it has a bias.
+    pub const TRIANGLE_EXPONENT_SHIFT: u32 = 16;
 
     /// Most colour targets.
     pub const MAX_COLORS: u32 = 8;
@@ -143,8 +151,10 @@ shared_constants! {
     pub const DEPTH_STATE_TEST: u32 = 1;
     /// [`Piece::depth_state`]: a fragment that passes writes its depth.
     pub const DEPTH_STATE_WRITE: u32 = 2;
+    /// [`Piece::depth_state`]: [`Piece::depth_bias`] is not zero.
+    pub const DEPTH_STATE_BIAS: u32 = 4;
     /// [`Piece::depth_state`]: first bit of the `Compare`.
-    pub const DEPTH_STATE_COMPARE_SHIFT: u32 = 2;
+    pub const DEPTH_STATE_COMPARE_SHIFT: u32 = 3;
 
     /// A blend equation: bits of a factor. The source's factor comes first.
     pub const BLEND_FACTOR_BITS: u32 = 5;
@@ -324,6 +334,8 @@ pub struct Piece {
     pub rect_max: [i32; 2],
     /// For each colour target its blend equations and which channels are written, at `COLOR_*`.
     pub color_states: [u32; MAX_COLORS as usize],
+    /// Depth bias: the constant factor, the slope factor, the clamp.
+    pub depth_bias: [f32; 3],
 }
 
 /// The memory that one input location of a vertex shader reads.

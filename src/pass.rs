@@ -10,7 +10,7 @@ use crate::{
     format::{Format, VertexFormat},
     image::Extent,
     shader::Shader,
-    state::{ColorState, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
+    state::{ColorState, Cull, DepthBias, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
     vk,
@@ -342,6 +342,8 @@ pub struct Draw {
     pub viewport: Option<Viewport>,
     /// `None` is the whole target ([`Draw::scissor_in`]).
     pub scissor: Option<Rect>,
+    /// What is added to depths; `None` is nothing.
+    pub depth_bias: Option<DepthBias>,
 }
 
 impl Draw {
@@ -361,6 +363,7 @@ impl Draw {
             indirect: None,
             viewport: None,
             scissor: None,
+            depth_bias: None,
         }
     }
 

@@ -236,6 +236,30 @@ impl Blend {
     }
 }
 
+/// What is added to the depth of each triangle, as `vkCmdSetDepthBias`: `constant * r + slope * m`, where `r` is the least
+/// step of depth at the triangle's depth, and `m` the larger change of depth from pixel to pixel, across or down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct DepthBias {
+    /// The factor of the least step.
+    pub constant: f32,
+    /// The factor of the change of depth.
+    pub slope: f32,
+    /// The most that is added if it is above 0, the least if it is below. 0 sets no limit.
+    pub clamp: f32,
+}
+
+impl DepthBias {
+    /// These factors, and no limit.
+    pub const fn new(constant: f32, slope: f32) -> Self {
+        Self { constant, slope, clamp: 0.0 }
+    }
+
+    setters! {
+        clamp: f32,
+    }
+}
+
 /// How fragments change a colour target, as `VkPipelineColorBlendAttachmentState`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]

@@ -67,6 +67,8 @@ pub struct Triangle {
     pub cut: bool,
     /// The level of the cells that list it.
     pub level: u32,
+    /// The exponent of the largest depth of its corners, as its bits are; `None` without a depth bias.
+    pub exponent: Option<u32>,
 }
 
 impl Triangle {
@@ -74,7 +76,7 @@ impl Triangle {
     pub fn is_same(&self, other: &Triangle) -> bool {
         let plane = |t: &Triangle| [t.z, t.dzdx, t.dzdy].map(f32::to_bits);
         let place = |t: &Triangle| (t.x, t.y, t.first, t.last);
-        let rest = |t: &Triangle| (t.vertices, t.front, t.cut, t.level);
+        let rest = |t: &Triangle| (t.vertices, t.front, t.cut, t.level, t.exponent);
         plane(self) == plane(other) && place(self) == place(other) && rest(self) == rest(other)
     }
 }

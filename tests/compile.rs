@@ -166,8 +166,8 @@ fn errors_come_when_the_pipeline_is_compiled() {
             Some(Error::Usage(text)) => assert!(text.contains(part), "{text}"),
             other => panic!("{part}: {other:?}"),
         };
-        let two = [color[0]; 2];
-        usage(renderer.compile(&good(), &two, None).err(), "2 colour targets");
+        let nine = [color[0]; 9];
+        usage(renderer.compile(&good(), &nine, None).err(), "9 colour targets");
         usage(renderer.compile(&good(), &[Format::D32Float], None).err(), "D32Float");
         usage(renderer.compile(&good(), &color, Some(color[0])).err(), "Rgba8Unorm");
         let mut bad = good();

@@ -41,7 +41,8 @@ fn probe_as_if<I: Pod, O: Pod>(
         "#version 460
 #extension GL_EXT_control_flow_attributes : require
 {}const uint SUBGROUP_WIDTH = {width}u;
-const bool GREATER = false;\n",
+const bool GREATER = false;
+const bool BIASED = true;\n",
         constants::defines()
     );
     for include in includes {

@@ -9,6 +9,7 @@ mod cli;
 mod colors;
 mod common;
 mod compile;
+mod depth_bias;
 mod devices;
 mod examples;
 mod extremes;

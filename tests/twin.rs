@@ -17,7 +17,7 @@ use tilewright::{
     reference,
     scene::{PassOptions, Scene},
     shader::{Shader, Stage},
-    state::{Blend, Compare, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
+    state::{Blend, Compare, Cull, DepthBias, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
     trace::{Trace, Vertex},
     vk::{Gpu, GpuOptions},
@@ -168,6 +168,12 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
             let x = random.below(extent.width as usize) as u32;
             let y = random.below(extent.height as usize) as u32;
             draw.scissor = Some(Rect { x, y, width: 1 + x, height: 1 + y });
+        }
+        if random.below(4) == 0 {
+            let factor =
+                |random: &mut Random| [0.0, 1.0, -3.0, 1e5, random.signed(), 1e38][random.below(6)];
+            let bias = DepthBias::new(factor(random), factor(random));
+            draw.depth_bias = Some(bias.clamp([0.0, 0.0, 0.01, -0.01][random.below(4)]));
         }
         pass.pipelines.push(Arc::new(pipeline));
         pass.draws.push(draw);

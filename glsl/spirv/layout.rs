@@ -32,6 +32,7 @@ const _: () = assert!(abi::SPEC_WIDTH == 0, "SPEC_WIDTH has changed: run `cargo 
 const _: () = assert!(abi::SPEC_LANES == 5, "SPEC_LANES has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_COMPARE == 1, "SPEC_COMPARE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_IN_PLACE == 6, "SPEC_IN_PLACE has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_BIASED == 8, "SPEC_BIASED has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_FORMATS == 2, "SPEC_FORMATS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_MORE_FORMATS == 3, "SPEC_MORE_FORMATS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_DEPTH == 4, "SPEC_DEPTH has changed: run `cargo spirv`");
@@ -53,14 +54,18 @@ const _: () = assert!(abi::VERTEX_PER_QUAD == 2, "VERTEX_PER_QUAD has changed: r
 const _: () = assert!(abi::TRIANGLE_VALID == 1, "TRIANGLE_VALID has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_FRONT == 2, "TRIANGLE_FRONT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_CUT == 4, "TRIANGLE_CUT has changed: run `cargo spirv`");
+const _: () = assert!(abi::TRIANGLE_BIASED == 8, "TRIANGLE_BIASED has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_LEVEL_SHIFT == 4, "TRIANGLE_LEVEL_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXTRA_SHIFT == 8, "TRIANGLE_EXTRA_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::TRIANGLE_EXTRA_BITS == 4, "TRIANGLE_EXTRA_BITS has changed: run `cargo spirv`");
+const _: () = assert!(abi::TRIANGLE_EXPONENT_SHIFT == 16, "TRIANGLE_EXPONENT_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::MAX_COLORS == 8, "MAX_COLORS has changed: run `cargo spirv`");
 const _: () = assert!(abi::NO_FORMAT == 255, "NO_FORMAT has changed: run `cargo spirv`");
 const _: () = assert!(abi::PLANE_PIXELS == 4, "PLANE_PIXELS has changed: run `cargo spirv`");
 const _: () = assert!(abi::DEPTH_STATE_TEST == 1, "DEPTH_STATE_TEST has changed: run `cargo spirv`");
 const _: () = assert!(abi::DEPTH_STATE_WRITE == 2, "DEPTH_STATE_WRITE has changed: run `cargo spirv`");
-const _: () = assert!(abi::DEPTH_STATE_COMPARE_SHIFT == 2, "DEPTH_STATE_COMPARE_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::DEPTH_STATE_BIAS == 4, "DEPTH_STATE_BIAS has changed: run `cargo spirv`");
+const _: () = assert!(abi::DEPTH_STATE_COMPARE_SHIFT == 3, "DEPTH_STATE_COMPARE_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_FACTOR_BITS == 5, "BLEND_FACTOR_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_TARGET_SHIFT == 5, "BLEND_TARGET_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_OP_SHIFT == 10, "BLEND_OP_SHIFT has changed: run `cargo spirv`");
@@ -189,7 +194,8 @@ const _: () = assert!(std::mem::offset_of!(abi::Piece, depth_state) == 124, "Pie
 const _: () = assert!(std::mem::offset_of!(abi::Piece, rect_min) == 128, "Piece.rect_min differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, rect_max) == 136, "Piece.rect_max differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, color_states) == 144, "Piece.color_states differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
-const _: () = assert!(std::mem::size_of::<abi::Piece>() == 176, "Piece has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Piece, depth_bias) == 176, "Piece.depth_bias differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::size_of::<abi::Piece>() == 188, "Piece has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, x) == 0, "Triangle.x differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, bounds_min) == 12, "Triangle.bounds_min differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, y) == 16, "Triangle.y differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");

@@ -287,8 +287,12 @@ fn create(
     let states = (0..variant.colors.len()).map(|target| blend_state(pipeline.color_state(target)));
     let blend_attachments: Vec<_> = states.collect();
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blend_attachments);
-    let dynamic = vk::PipelineDynamicStateCreateInfo::default()
-        .dynamic_states(&[vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR]);
+    let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&[
+        vk::DynamicState::VIEWPORT,
+        vk::DynamicState::SCISSOR,
+        vk::DynamicState::DEPTH_BIAS_ENABLE,
+        vk::DynamicState::DEPTH_BIAS,
+    ]);
     let color_formats: Vec<_> = variant.colors.iter().copied().map(vk_format).collect();
     let mut rendering =
         vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&color_formats);

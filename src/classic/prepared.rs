@@ -10,7 +10,7 @@ use crate::{
     error::{Error, Result},
     image::{self, Extent},
     pass::{Draw, Frame, IndexFormat, Indirect, Pass},
-    state::{Rect, Viewport},
+    state::{DepthBias, Rect, Viewport},
     vk::{Copies, Gpu, Recorder, Recording, Resources},
 };
 use ash::vk;
@@ -185,6 +185,15 @@ fn record_draw(
             gpu.info().name
         )));
     }
+    if let Some(bias) = draw.depth_bias
+        && bias.clamp != 0.0
+        && !gpu.0.draw_limits.clamps_depth_bias
+    {
+        return Err(Error::Device(format!(
+            "a depth bias is clamped, which {} does not offer (depthBiasClamp); the compute executor does",
+            gpu.info().name
+        )));
+    }
     let viewport = [vk::Viewport { x, y, width, height, min_depth, max_depth }];
     let Rect { x, y, width, height } = draw.scissor_in(extent);
     let scissor = [vk::Rect2D {
@@ -218,6 +227,10 @@ fn record_draw(
     unsafe {
         device.cmd_set_viewport(cmd, 0, &viewport);
         device.cmd_set_scissor(cmd, 0, &scissor);
+        device.cmd_set_depth_bias_enable(cmd, draw.depth_bias.is_some());
+        if let Some(DepthBias { constant, slope, clamp }) = draw.depth_bias {
+            device.cmd_set_depth_bias(cmd, constant, clamp, slope);
+        }
         if !sets.is_empty() {
             let point = vk::PipelineBindPoint::GRAPHICS;
             device.cmd_bind_descriptor_sets(cmd, point, layout.raw, 0, sets, &[]);

@@ -141,7 +141,7 @@ fn wanted(
     let PipelineKernels { vertex, fragment, method } =
         PipelineKernels::of(pipeline, colors.len(), depth.is_some());
     let mut wanted = vec![KernelRequest::Vertex(vertex)];
-    wanted.extend(kernels::of_method(method, fragment, formats));
+    wanted.extend(kernels::of_method((method, false), fragment, formats));
     Ok(wanted)
 }
 

@@ -171,7 +171,7 @@ impl Kernels {
     ) -> Result<()> {
         let vertex = || plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone()));
         let of_batch = |batch: &BatchPlan, kernel: usize| {
-            of_method(batch.method, plan.fragment_kernels[kernel].clone(), formats)
+            of_method((batch.method, batch.biased), plan.fragment_kernels[kernel].clone(), formats)
         };
         let of_batches = plan.batches.iter().flat_map(|batch| {
             batch.fragment_kernels.iter().flat_map(move |&kernel| of_batch(batch, kernel))
@@ -186,7 +186,7 @@ impl Kernels {
             for &kernel in &batch.fragment_kernels {
                 for wanted in of_batch(batch, kernel) {
                     match wanted {
-                        KernelRequest::Raster(_) => raster = Some(get(wanted)),
+                        KernelRequest::Raster(..) => raster = Some(get(wanted)),
                         _ => found.fragment.push(get(wanted)),
                     }
                 }
@@ -228,15 +228,15 @@ impl Kernels {
     }
 }
 
-/// The kernels that draw the fragments of a batch into a colour format.
+/// The kernels that draw the fragments of a batch, with a depth bias or without, into colour targets.
 pub fn of_method(
-    method: Method,
+    (method, biased): (Method, bool),
     fragment: Arc<KernelKey>,
     formats: ColorFormats,
 ) -> impl Iterator<Item = KernelRequest> {
     let (raster, fragment) = match method {
         Method::Opaque { compare, shades } => (
-            Some(KernelRequest::Raster(compare)),
+            Some(KernelRequest::Raster(compare, biased)),
             shades.then_some(KernelRequest::Shade(fragment, formats)),
         ),
         Method::Ordered { depth, .. } => {

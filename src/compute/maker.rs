@@ -17,8 +17,8 @@ use std::{
 /// A kernel that is made when the first pass needs it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum KernelRequest {
-    /// Raster with a depth comparison.
-    Raster(Compare),
+    /// Raster with a depth comparison, and whether there may be a depth bias.
+    Raster(Compare, bool),
     /// Vertex shading.
     Vertex(Arc<KernelKey>),
     /// Shading of opaque work into colour targets of these formats.
@@ -87,7 +87,7 @@ impl Maker {
     pub fn make(&self, wanted: &KernelRequest) -> Result<Kernel> {
         let width = self.width;
         let (stage, words, key, constants) = match wanted {
-            KernelRequest::Raster(compare) => {
+            KernelRequest::Raster(compare, biased) => {
                 // Shared memory has no advantage on a CPU, and the driver does not access it by
                 // address.
                 let in_place = self.gpu.reads_by_address().into();
@@ -95,6 +95,7 @@ impl Maker {
                     ("SUBGROUP_WIDTH", width),
                     ("COMPARE", *compare as u32),
                     ("IN_PLACE", in_place),
+                    ("BIASED", (*biased).into()),
                 ];
                 let words = self.sources.words("raster.comp");
                 return self.kernel(&self.wide("raster", words, &constants));

@@ -159,6 +159,7 @@ impl Names<'_> {
             front: has(abi::TRIANGLE_FRONT),
             cut: has(abi::TRIANGLE_CUT),
             level: flags >> abi::TRIANGLE_LEVEL_SHIFT,
+            exponent: has(abi::TRIANGLE_BIASED).then_some(t.flags >> abi::TRIANGLE_EXPONENT_SHIFT),
         })
     }
 

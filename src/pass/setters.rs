@@ -7,7 +7,7 @@ use super::{
 use crate::{
     image::Extent,
     shader::Shader,
-    state::{Blend, ColorState, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
+    state::{Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, Rect, Topology, Viewport},
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
     vk,
@@ -75,6 +75,7 @@ impl Draw {
         indirect: Option<Indirect>,
         viewport: Option<Viewport>,
         scissor: Option<Rect>,
+        depth_bias: Option<DepthBias>,
     }
 
     /// The same with these [`sets`](#structfield.sets).

@@ -14,7 +14,7 @@ use crate::{
     image::Shape,
     kept::ByIdentity,
     shader::{Resource, ResourceKind},
-    state::{Rect, Viewport},
+    state::{DepthBias, Rect, Viewport},
     texture::Texture,
     vk,
 };
@@ -124,6 +124,11 @@ fn check_draw(
     if draw.push_constants.len() < push as usize {
         let bytes = draw.push_constants.len();
         return Err(format!("{bytes} bytes of push constants; the shaders read {push}"));
+    }
+    if let Some(DepthBias { constant, slope, clamp }) = draw.depth_bias
+        && !(constant.is_finite() && slope.is_finite() && clamp.is_finite())
+    {
+        return Err(format!("a depth bias of {constant}, {slope}, {clamp} is no number"));
     }
     if let Some(viewport) = &draw.viewport {
         check_viewport(viewport)?;

@@ -82,6 +82,7 @@ impl Planning<'_> {
             });
             let piece =
                 Piece { first_primitive: open.primitives, fragment_kernel: kernel as u32, ..piece };
+            open.biased |= draw.depth_bias.is_some();
             open.primitives += take;
             open.vertices += slots.unwrap_or(0);
             open.varying_words += slots.unwrap_or(0) * info.varying_stride;
@@ -191,7 +192,11 @@ impl Planning<'_> {
             rect_min,
             rect_max,
             cut: u32::from(rect_min != [0, 0] || rect_max != full),
-            depth_state: depth_state(&pipeline.depth, self.pass.depth.is_some()),
+            depth_state: depth_state(&pipeline.depth, self.pass.depth.is_some())
+                | if draw.depth_bias.is_some() { abi::DEPTH_STATE_BIAS } else { 0 },
+            depth_bias: draw
+                .depth_bias
+                .map_or([0.0; 3], |bias| [bias.constant, bias.slope, bias.clamp]),
             color_states: std::array::from_fn(|target| color_state(pipeline.color_state(target))),
             ..Piece::default()
         }))

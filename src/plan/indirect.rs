@@ -70,6 +70,7 @@ impl Planning<'_> {
             fragment_kernels.push(info.fragment_kernel);
             self.plan.batches.push(BatchPlan {
                 method: info.method,
+                biased: draw.depth_bias.is_some(),
                 primitives,
                 piece_first,
                 piece_count: 1,

@@ -7,7 +7,7 @@
 use super::window::Window;
 use crate::{
     pass::{Draw, IndexFormat, Pass},
-    state::Topology,
+    state::{DepthBias, Topology},
     trace::{Primitive, Vertex},
 };
 
@@ -20,6 +20,8 @@ pub struct Assembled {
     pub vertices: [Vertex; 3],
     /// The viewport and the scissor of its draw.
     pub window: Window,
+    /// What is added to its depths.
+    pub bias: Option<DepthBias>,
 }
 
 /// All primitives of `pass`, which is valid and a snapshot.
@@ -45,7 +47,8 @@ fn of_draw(
             instance,
             vertex: vertex_index(draw, element),
         });
-        Assembled { primitive: Primitive { draw: number, instance, primitive }, vertices, window }
+        let primitive = Primitive { draw: number, instance, primitive };
+        Assembled { primitive, vertices, window, bias: draw.depth_bias }
     })
 }
 

@@ -164,6 +164,7 @@ fn set_up(
     let (first_y, last_y) = pixels(y, rows)?;
 
     let [dzdx, dzdy, z] = depth_plane(corners);
+    let largest = corners.iter().map(|corner| corner[2].abs()).fold(0.0, f32::max);
     let mut triangle = Triangle {
         x,
         y,
@@ -176,6 +177,7 @@ fn set_up(
         front,
         cut,
         level: 0,
+        exponent: assembled.bias.map(|_| largest.to_bits() >> 23),
     };
     triangle.level = super::binning::level(grid, &triangle) as u32;
     Some(triangle)

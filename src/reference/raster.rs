@@ -7,7 +7,7 @@
 use super::{Input, binning::edge_at, primitive::multiply_add};
 use crate::{
     grid::Grid,
-    state::{Compare, DepthState},
+    state::{Compare, DepthBias, DepthState},
     trace::{Parts, Triangle, key},
 };
 
@@ -22,7 +22,9 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
         };
         for (part, triangle) in parts.iter().enumerate() {
             let Some(triangle) = triangle else { continue };
-            draw(input.grid, state, triangle, key(number, part), depth, &mut visibility);
+            let bias = input.primitives[number].bias;
+            let key = key(number, part);
+            draw(input.grid, (state, bias), triangle, key, depth, &mut visibility);
         }
     }
     visibility
@@ -30,19 +32,20 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
 
 fn draw(
     grid: &Grid,
-    state: DepthState,
+    (state, bias): (DepthState, Option<DepthBias>),
     t: &Triangle,
     key: u32,
     depth: &mut [f32],
     visibility: &mut [u32],
 ) {
+    let bias = bias.map(|bias| bias_of(bias, t));
     for y in t.first[1]..=t.last[1] {
         for x in t.first[0]..=t.last[0] {
             if !covers(grid, t, x, y) {
                 continue;
             }
             let at = (y * grid.extent.width + x) as usize;
-            let z = depth_at(grid, t, x, y);
+            let z = depth_at(grid, (t, bias), x, y);
             if state.test && !passes(state.compare, z, depth[at]) {
                 continue;
             }
@@ -60,10 +63,22 @@ pub fn covers(grid: &Grid, t: &Triangle, x: u32, y: u32) -> bool {
     (0..3).all(|edge| edge_at(t, edge, x, y) >= 0)
 }
 
-fn depth_at(grid: &Grid, t: &Triangle, x: u32, y: u32) -> f32 {
+fn depth_at(grid: &Grid, (t, bias): (&Triangle, Option<f32>), x: u32, y: u32) -> f32 {
     let (x, y) = (x as f32, (y + grid.origin_y) as f32);
     let z = multiply_add(t.dzdy, y, multiply_add(t.dzdx, x, t.z));
+    let z = bias.map_or(z, |bias| z + bias);
     if z > 0.0 { z.min(1.0) } else { 0.0 }
+}
+
+/// What is added to all depths of a triangle: as the specification says it, less what no depth shows.
+fn bias_of(bias: DepthBias, t: &Triangle) -> f32 {
+    let DepthBias { constant, slope, clamp } = bias;
+    // The weight of the last place of the largest depth, if it is a normal number.
+    let step = f32::from_bits((t.exponent.unwrap_or(0).max(24) - 23) << 23);
+    let sum = step * constant + t.dzdx.abs().max(t.dzdy.abs()) * slope;
+    let sum = if clamp > 0.0 { sum.min(clamp) } else { sum };
+    let sum = if clamp < 0.0 { sum.max(clamp) } else { sum };
+    sum.clamp(-2.0, 2.0)
 }
 
 fn passes(compare: Compare, new: f32, old: f32) -> bool {

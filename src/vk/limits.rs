@@ -54,6 +54,8 @@ pub(crate) struct DrawLimits {
     /// Colour targets, and whether each may blend in its own way.
     pub colors: u32,
     pub independent_blend: bool,
+    /// Whether a depth bias may have a clamp.
+    pub clamps_depth_bias: bool,
     /// Commands of one indirect draw, and whether a buffer may say how many there are.
     pub commands: u32,
     pub counts_commands: bool,
@@ -76,6 +78,7 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         fragment_outputs: l.max_fragment_output_attachments,
         colors: l.max_color_attachments,
         independent_blend: probe.features.core.independent_blend == vk::TRUE,
+        clamps_depth_bias: probe.features.core.depth_bias_clamp == vk::TRUE,
         commands: match probe.features.core.multi_draw_indirect == vk::TRUE
             && probe.features.core.draw_indirect_first_instance == vk::TRUE
         {
