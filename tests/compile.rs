@@ -8,7 +8,7 @@ use tilewright::{
     image::Extent,
     pass::{Draw, Pass, Pipeline},
     shader::{Shader, Stage},
-    state::{Blend, Compare, DepthState},
+    state::{Blend, Compare, DepthBias, DepthState},
     target::{ColorTarget, DepthTarget},
 };
 
@@ -107,6 +107,28 @@ fn a_pass_is_compiled_as_a_whole() {
             drop(compiled);
             pass.pipelines.push(Arc::new(pipeline(REFUSED)));
             assert!(matches!(renderer.compile_pass(&pass), Err(Error::Shader { .. })));
+        }
+    });
+}
+
+/// A draw with a depth bias has a raster kernel of its own, which the pass finds compiled as well.
+#[test]
+fn a_pass_with_a_bias_finds_its_kernels() {
+    on_each_gpu("a pass with a bias finds its kernels", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        let opaque = "#version 450
+layout(location = 0) in vec2 at;
+layout(location = 0) out vec4 color;
+void main() { color = vec4(at, 0.25, 1.0); }";
+        let plain = pipeline(opaque).depth(DepthState::LESS);
+        let mut pass = pass(plain, Some(Format::Rgba8Srgb), true);
+        for expected in [3, 1] {
+            let before = renderer.cached().pipelines_made;
+            let _compiled = renderer.compile_pass(&pass).unwrap();
+            assert_eq!(renderer.cached().pipelines_made - before, expected);
+            renderer.render(&pass).unwrap();
+            assert_eq!(renderer.cached().pipelines_made - before, expected, "made by the pass");
+            pass.draws[0].depth_bias = Some(DepthBias::new(1.0, 1.0));
         }
     });
 }

@@ -51,6 +51,21 @@ pub mod remains {
     }
 }
 
+pub const FACTORS: [BlendFactor; 10] = [
+    BlendFactor::Zero,
+    BlendFactor::One,
+    BlendFactor::SrcColor,
+    BlendFactor::OneMinusSrcColor,
+    BlendFactor::DstColor,
+    BlendFactor::OneMinusDstColor,
+    BlendFactor::SrcAlpha,
+    BlendFactor::OneMinusSrcAlpha,
+    BlendFactor::DstAlpha,
+    BlendFactor::OneMinusDstAlpha,
+];
+pub const OPS: [BlendOp; 5] =
+    [BlendOp::Add, BlendOp::Subtract, BlendOp::ReverseSubtract, BlendOp::Min, BlendOp::Max];
+
 pub fn scene_pass(scene: &Scene, extent: Extent, format: Format) -> Pass {
     let camera = scene.default_camera(extent);
     scene
@@ -191,24 +206,10 @@ fn outputs_without_a_target_and_point_sizes_change_nothing() {
 
 #[test]
 fn every_blend_equation_in_api_order() {
-    use BlendFactor::*;
     let gpu = gpu();
     let template = (*random_pass(0, &shaders()).pipelines[0]).clone();
-    let factors = [
-        Zero,
-        One,
-        SrcColor,
-        OneMinusSrcColor,
-        DstColor,
-        OneMinusDstColor,
-        SrcAlpha,
-        OneMinusSrcAlpha,
-        DstAlpha,
-        OneMinusDstAlpha,
-    ];
-    let ops =
-        [BlendOp::Add, BlendOp::Subtract, BlendOp::ReverseSubtract, BlendOp::Min, BlendOp::Max];
-    for (n, op) in ops.into_iter().cycle().take(20).enumerate() {
+    let factors = FACTORS;
+    for (n, op) in OPS.into_iter().cycle().take(20).enumerate() {
         let color = BlendEquation { src: factors[n % 10], dst: factors[(n * 7 + 3) % 10], op };
         let alpha = BlendEquation { src: factors[(n * 3 + 1) % 10], dst: factors[n * 9 % 10], op };
         let pipeline = template

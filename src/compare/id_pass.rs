@@ -171,7 +171,7 @@ fn id_module(offset: u32) -> Vec<u32> {
 
 fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
     let mut depth = pipeline.depth;
-    if pipeline.color_state(0).blend.is_some() {
+    if pipeline.colors.iter().any(|state| state.blend.is_some()) {
         depth.write = true;
     }
     Pipeline {

@@ -56,7 +56,8 @@ impl Renderer {
     /// Compiles `pipeline` for passes whose targets have these formats, so that the first of them finds it compiled. There is
     /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, the pipeline is
     /// another one, as with targets of other formats. Every depth target, also one that is transient, has the format
-    /// [`Format::D32Float`]. [`Renderer::compile_pass`] takes the formats from a pass.
+    /// [`Format::D32Float`]. [`Renderer::compile_pass`] takes the formats from a pass,
+    /// and finds out whether draws have a depth bias, which takes another kernel.
     ///
     /// Drivers for CPUs generate code when a kernel is dispatched for the first time, which takes longest of all. So on them
     /// the kernels are dispatched over nothing, and waited for; but not on a device of the caller, whose queue somebody else
@@ -74,7 +75,7 @@ impl Renderer {
         colors: &[Format],
         depth: Option<Format>,
     ) -> Result<Compiled> {
-        let kernels = self.kernels.get(wanted(pipeline, colors, depth)?)?;
+        let kernels = self.kernels.get(wanted((pipeline, false), colors, depth)?)?;
         Ok(Compiled { _kernels: kernels.into() })
     }
 
@@ -88,7 +89,7 @@ impl Renderer {
         colors: &[Format],
         depth: Option<Format>,
     ) -> Result<Compilation> {
-        Ok(Compilation(self.kernels.start(wanted(pipeline, colors, depth)?)))
+        Ok(Compilation(self.kernels.start(wanted((pipeline, false), colors, depth)?)))
     }
 
     /// As [`Renderer::compile`], all pipelines of `pass` for its targets.
@@ -114,8 +115,10 @@ fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
     let colors: Vec<_> = pass.colors.iter().map(|color| color.format).collect();
     let depth = pass.depth.as_ref().map(|_| Format::D32Float);
     let mut all = Vec::new();
-    for pipeline in &pass.pipelines {
-        for one in wanted(pipeline, &colors, depth)? {
+    for (n, pipeline) in pass.pipelines.iter().enumerate() {
+        let mut draws = pass.draws.iter().filter(|draw| draw.pipeline == n);
+        let biased = draws.any(|draw| draw.depth_bias.is_some());
+        for one in wanted((pipeline, biased), &colors, depth)? {
             if !all.contains(&one) {
                 all.push(one);
             }
@@ -124,9 +127,9 @@ fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
     Ok(all)
 }
 
-/// The kernels that passes with targets of these formats need for `pipeline`.
+/// The kernels that passes with targets of these formats need for `pipeline`, with a depth bias or without.
 fn wanted(
-    pipeline: &Pipeline,
+    (pipeline, biased): (&Pipeline, bool),
     colors: &[Format],
     depth: Option<Format>,
 ) -> Result<Vec<KernelRequest>> {
@@ -141,7 +144,7 @@ fn wanted(
     let PipelineKernels { vertex, fragment, method } =
         PipelineKernels::of(pipeline, colors.len(), depth.is_some());
     let mut wanted = vec![KernelRequest::Vertex(vertex)];
-    wanted.extend(kernels::of_method((method, false), fragment, formats));
+    wanted.extend(kernels::of_method((method, biased), fragment, formats));
     Ok(wanted)
 }
 
