@@ -114,7 +114,7 @@ pub fn draw(gpu: &Gpu, extent: Extent, culls: bool) -> tilewright::Result<(Pictu
     };
     let listed = Indirect::new(&commands, TRIANGLES).count(BufferRange::on_device(&count));
     let pass = Pass::new("field", extent)
-        .colors([ColorTarget::on_device(&picture, LoadOp::Clear([0.6, 0.72, 0.85, 1.0]))])
+        .colors([ColorTarget::on_device(&picture, LoadOp::clear([0.6, 0.72, 0.85, 1.0]))])
         .depth(DepthTarget::transient(1.0))
         .pipelines([
             pipeline("stones", VERTEX)?.cull(Cull::Back),

@@ -114,8 +114,8 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Picture> {
 
     let first = Pass::new("surfaces", extent)
         .colors([
-            ColorTarget::on_device(&colors, LoadOp::Clear([0.0; 4])),
-            ColorTarget::on_device(&normals, LoadOp::Clear([0.0; 4])),
+            ColorTarget::on_device(&colors, LoadOp::clear([0.0; 4])),
+            ColorTarget::on_device(&normals, LoadOp::clear([0.0; 4])),
         ])
         .depth(DepthTarget::transient(1.0))
         .pipelines([pipeline(VERTEX, SURFACE)?])
@@ -123,7 +123,7 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Picture> {
 
     let sampled = |image| Binding::sampled(Texture::on_device(image), Sampler::nearest());
     let second = Pass::new("light", extent)
-        .colors([ColorTarget::on_device(&picture, LoadOp::Clear([0.0; 4]))])
+        .colors([ColorTarget::on_device(&picture, LoadOp::clear([0.0; 4]))])
         .pipelines([pipeline(WHOLE, LIGHT)?])
         .draws([Draw::new(0, 3)
             .sets([BindingSet::new([(0, sampled(&colors)), (1, sampled(&normals))])])

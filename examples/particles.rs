@@ -75,7 +75,7 @@ pub fn fountain(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<(P
         .vertex_buffers([BufferRange::on_device(&shown)])
         .indirect(Indirect::new(&command, 2 * PARTICLES));
     let pass = Pass::new("particles", extent)
-        .colors([ColorTarget::on_device(&picture, LoadOp::Clear([0.0, 0.0, 0.01, 1.0]))])
+        .colors([ColorTarget::on_device(&picture, LoadOp::clear([0.0, 0.0, 0.01, 1.0]))])
         .pipelines([pipeline])
         .draws([draw]);
 

@@ -103,7 +103,7 @@ pub fn draw(gpu: &Gpu, extent: Extent) -> tilewright::Result<Picture> {
     let sampler = Sampler::nearest().compare(Some(Compare::LessOrEqual));
     let shadow = Binding::sampled(Texture::on_device(&shadow_map), sampler);
     let second = Pass::new("what the eye sees", extent)
-        .colors([ColorTarget::on_device(&picture, LoadOp::Clear([0.3, 0.4, 0.5, 1.0]))])
+        .colors([ColorTarget::on_device(&picture, LoadOp::clear([0.3, 0.4, 0.5, 1.0]))])
         .depth(DepthTarget::transient(1.0))
         .pipelines([pipeline("eye", VERTEX, FRAGMENT)?])
         .draws([boxes

@@ -61,7 +61,7 @@ pub fn turn(gpu: &Gpu, extent: Extent, frames: u32) -> tilewright::Result<Pictur
         )])])
         .push(&[0.0f32; 16]);
     let mut pass = Pass::new("turntable", extent)
-        .colors([ColorTarget::on_device(&target, LoadOp::Clear([0.02, 0.02, 0.03, 1.0]))])
+        .colors([ColorTarget::on_device(&target, LoadOp::clear([0.02, 0.02, 0.03, 1.0]))])
         .depth(DepthTarget::transient(1.0))
         .pipelines([pipeline])
         .draws([draw]);

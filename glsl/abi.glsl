@@ -31,9 +31,16 @@ struct Batch {
 };
 
 struct Clear {
-    vec4 color;
+    uvec4 texels;
+    uint count;
+    uint first;
+};
+
+struct Narrow {
     uint pixels;
     uint first;
+    uint texel_bytes;
+    uint to_rows;
 };
 
 struct Commands {

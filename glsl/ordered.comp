@@ -46,30 +46,28 @@ bool compare(const uint operation, const float a, const float b) {
 
 // Writes the colour of a target, `bits`; `state` is what the piece has of the target's state.
 void write_color(const uint target, const uint pixel, const uint state, const uvec4 bits) {
-    uint format = format_of(target), mask = state >> COLOR_MASK_SHIFT, at = color_place(target, pixel);
+    uint format = format_of(target), words = color_words(format), mask = state >> COLOR_MASK_SHIFT, at = color_place(target, pixel);
     if (mask == 0u) return;
-    vec4 source = uintBitsToFloat(bits);
     bool blends = (state & COLOR_BLENDS) != 0u;
-    uvec2 held = uvec2(0u);
+    uvec4 value = bits, held = uvec4(0u);
     if (blends || mask != 15u) {
         held.x = color[at];
-        if (color_words(format) == 2u) held.y = color[at + 1u];
+        if (words > 1u) held.y = color[at + 1u];
+        if (words > 2u) held.zw = uvec2(color[at + 2u], color[at + 3u]);
     }
     if (blends) {
         uvec2 equations = uvec2(state, state >> COLOR_ALPHA_SHIFT) & ((1u << BLEND_BITS) - 1u);
-        if (format != FORMAT_RGBA16_FLOAT) {
-            source = saturate(source);
-            // In real scenes, large parts of leaves, fences and glass are fully transparent.
-            if (source.a == 0.0 && blend_keeps(equations.x, equations.y)) return;
-        }
-        source = blend(equations.x, equations.y, source, color_decode(format, held));
+        vec4 source = limited(format, uintBitsToFloat(bits));
+        // In real scenes, large parts of leaves, fences and glass are fully transparent. An infinite colour is not.
+        if (numeric_of(format) != NUMERIC_FLOAT && source.a == 0.0 && blend_keeps(equations.x, equations.y)) return;
+        value = floatBitsToUint(blend(equations.x, equations.y, source, color_decode(format, held), has_sign(format)));
     }
-    uvec2 words = color_encode(format, source);
+    uvec4 texel = color_encode(format, value);
     if (mask != 15u) {
-        uvec2 written = channel_bits(format, mask);
-        words = (words & written) | (held & ~written);
+        uvec4 written = channel_bits(format, mask);
+        texel = (texel & written) | (held & ~written);
     }
-    store_color(target, pixel, words);
+    store_color(target, pixel, texel);
 }
 
 void draw(const uint key, const uint bin, const ivec2 local_origin) {

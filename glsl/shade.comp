@@ -83,7 +83,7 @@ void main() {
             // No `continue`: the lanes of the quad must be together again for the next pair.
             if (mine) {
                 uint at = pixel.y * batch.width + pixel.x;
-#define STORE(t) if (format_of(t) != NO_FORMAT) store_color(t, at, color_encode(format_of(t), uintBitsToFloat(color_bits_##t)));
+#define STORE(t) if (format_of(t) != NO_FORMAT) store_color(t, at, color_encode(format_of(t), color_bits_##t));
                 EACH_COLOR(STORE)
             }
         }

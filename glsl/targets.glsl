@@ -22,9 +22,11 @@ uint color_place(const uint target, const uint pixel) {
     return before * plane + color_words(format_of(target)) * pixel;
 }
 
-void store_color(const uint target, const uint pixel, const uvec2 words) {
-    uint at = color_place(target, pixel);
-    color[at] = words.x;
-    if (color_words(format_of(target)) == 2u) color[at + 1u] = words.y;
+void store_color(const uint target, const uint pixel, const uvec4 texel) {
+    uint at = color_place(target, pixel), words = color_words(format_of(target));
+    color[at] = texel.x;
+    if (words > 1u) color[at + 1u] = texel.y;
+    if (words > 2u) color[at + 2u] = texel.z;
+    if (words > 2u) color[at + 3u] = texel.w;
 }
 #endif

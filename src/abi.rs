@@ -61,8 +61,8 @@ shared_constants! {
     pub const MAX_ATTRIBUTES: u32 = 32;
     /// Input locations of a fragment shader.
     pub const MAX_VARYINGS: u32 = 32;
-    /// Pixels that one invocation of the clear fills: a workgroup costs more than a few stores.
-    pub const CLEAR_PIXELS: u32 = 16;
+    /// Elements that one invocation clears or narrows: a workgroup costs more than a few stores.
+    pub const CLEAR_ROUNDS: u32 = 16;
     /// What the `constant_id`s of kernels have on top of the numbers that follow, so that they differ from those of users'
     /// shaders. It is added after compiling: some compilers take no `constant_id` above 2047.
     pub const SPEC_FIRST: u32 = 65536;
@@ -225,12 +225,26 @@ pub struct Batch {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Clear {
-    /// Linear RGBA.
-    pub color: [f32; 4],
+    /// Four words of texels, one or several times the same one.
+    pub texels: [u32; 4],
+    /// How many times four words there are to write.
+    pub count: u32,
+    /// Where they begin in the rows, in times four words.
+    pub first: u32,
+}
+
+/// The push constants of the kernel that narrows texels.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Narrow {
     /// Pixels of the band.
     pub pixels: u32,
-    /// The texel of the rows that is the target's first.
+    /// The word of the rows that is the target's first.
     pub first: u32,
+    /// Bytes of a texel, 1 or 2.
+    pub texel_bytes: u32,
+    /// 1 from an image's texels to the rows, 0 from the rows.
+    pub to_rows: u32,
 }
 
 /// The push constants of the kernel that makes pieces of draw commands.

@@ -1,28 +1,217 @@
 //! Formats of targets, textures and vertex attributes.
 
 shared_enum! {
-    /// The format of a colour target or of a texture's texels.
+    /// What the bits of a channel mean.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
+    pub enum Numeric {
+        /// An unsigned integer that stands for 0..=1.
+        Unorm = 0,
+        /// As [`Numeric::Unorm`]; red, green and blue are sRGB-encoded.
+        Srgb = 1,
+        /// A signed integer that stands for -1..=1.
+        Snorm = 2,
+        /// A float.
+        Float = 3,
+        /// An unsigned integer.
+        Uint = 4,
+        /// A signed integer.
+        Sint = 5,
+        /// A depth in 0..=1.
+        Depth = 6,
+    }
+}
+
+shared_enum! {
+    /// Where the channels of a texel lie.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum Packing {
+        /// One after the other, 8 bits each.
+        Bits8 = 0,
+        /// One after the other, 16 bits each.
+        Bits16 = 1,
+        /// One after the other, 32 bits each.
+        Bits32 = 2,
+        /// 8 bits each: blue, green, red, alpha.
+        Bgra8 = 3,
+        /// From the lowest bit of a word: 10 bits of red, of green and of blue, 2 bits of alpha.
+        Rgb10a2 = 4,
+        /// From the lowest bit of a word: 11 bits of red and of green, 10 bits of blue.
+        Rg11b10 = 5,
+        /// From the lowest of 16 bits: 5 bits of blue, 6 bits of green, 5 bits of red.
+        R5g6b5 = 6,
+        /// From the lowest of 16 bits: 5 bits of blue, of green and of red, 1 bit of alpha.
+        A1r5g5b5 = 7,
+    }
+}
+
+/// Declares the formats: the number of each says everything that kernels need to know of it, and fits a byte.
+macro_rules! formats {
+    ($(#[$meta:meta])* pub enum Format {
+        $($(#[$of_format:meta])* $name:ident = $numeric:ident $packing:ident $channels:literal,)*
+    }) => {
+        shared_enum! {
+            $(#[$meta])*
+            pub enum Format {
+                $($(#[$of_format])* $name = number(Numeric::$numeric, Packing::$packing, $channels),)*
+            }
+        }
+
+        impl Format {
+            /// What its number says.
+            const fn parts(self) -> (Numeric, Packing, u32) {
+                match self {
+                    $(Format::$name => (Numeric::$numeric, Packing::$packing, $channels),)*
+                }
+            }
+        }
+    };
+}
+
+/// The number of a format, which `glsl/lib/color.glsl` takes apart.
+const fn number(numeric: Numeric, packing: Packing, channels: u32) -> u32 {
+    numeric as u32 | (packing as u32) << 3 | (channels - 1) << 6
+}
+
+formats! {
+    /// The format of a colour target, of a depth target or of a texture's texels: what the bits of a channel mean, where the
+    /// channels lie, and how many there are. Words of several bytes are in the byte order of the machine.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
     #[non_exhaustive]
     pub enum Format {
-        /// Four 8-bit unsigned normalized channels, linear.
-        Rgba8Unorm = 0,
+        /// One 8-bit unsigned normalized channel.
+        R8Unorm = Unorm Bits8 1,
+        /// One 8-bit signed normalized channel.
+        R8Snorm = Snorm Bits8 1,
+        /// One 8-bit unsigned integer channel.
+        R8Uint = Uint Bits8 1,
+        /// One 8-bit signed integer channel.
+        R8Sint = Sint Bits8 1,
+        /// Two 8-bit unsigned normalized channels.
+        Rg8Unorm = Unorm Bits8 2,
+        /// Two 8-bit signed normalized channels.
+        Rg8Snorm = Snorm Bits8 2,
+        /// Two 8-bit unsigned integer channels.
+        Rg8Uint = Uint Bits8 2,
+        /// Two 8-bit signed integer channels.
+        Rg8Sint = Sint Bits8 2,
+        /// Four 8-bit unsigned normalized channels.
+        Rgba8Unorm = Unorm Bits8 4,
         /// Four 8-bit unsigned normalized channels; RGB is sRGB-encoded, alpha is linear.
-        Rgba8Srgb = 1,
+        Rgba8Srgb = Srgb Bits8 4,
+        /// Four 8-bit signed normalized channels.
+        Rgba8Snorm = Snorm Bits8 4,
+        /// Four 8-bit unsigned integer channels.
+        Rgba8Uint = Uint Bits8 4,
+        /// Four 8-bit signed integer channels.
+        Rgba8Sint = Sint Bits8 4,
+        /// One 16-bit unsigned normalized channel.
+        R16Unorm = Unorm Bits16 1,
+        /// One 16-bit signed normalized channel.
+        R16Snorm = Snorm Bits16 1,
+        /// One 16-bit unsigned integer channel.
+        R16Uint = Uint Bits16 1,
+        /// One 16-bit signed integer channel.
+        R16Sint = Sint Bits16 1,
+        /// One half float.
+        R16Float = Float Bits16 1,
+        /// Two 16-bit unsigned normalized channels.
+        Rg16Unorm = Unorm Bits16 2,
+        /// Two 16-bit signed normalized channels.
+        Rg16Snorm = Snorm Bits16 2,
+        /// Two 16-bit unsigned integer channels.
+        Rg16Uint = Uint Bits16 2,
+        /// Two 16-bit signed integer channels.
+        Rg16Sint = Sint Bits16 2,
+        /// Two half floats.
+        Rg16Float = Float Bits16 2,
+        /// Four 16-bit unsigned normalized channels.
+        Rgba16Unorm = Unorm Bits16 4,
+        /// Four 16-bit signed normalized channels.
+        Rgba16Snorm = Snorm Bits16 4,
+        /// Four 16-bit unsigned integer channels.
+        Rgba16Uint = Uint Bits16 4,
+        /// Four 16-bit signed integer channels.
+        Rgba16Sint = Sint Bits16 4,
         /// Four half floats.
-        Rgba16Float = 2,
+        Rgba16Float = Float Bits16 4,
+        /// One 32-bit unsigned integer channel.
+        R32Uint = Uint Bits32 1,
+        /// One 32-bit signed integer channel.
+        R32Sint = Sint Bits32 1,
+        /// One 32-bit float.
+        R32Float = Float Bits32 1,
+        /// Two 32-bit unsigned integer channels.
+        Rg32Uint = Uint Bits32 2,
+        /// Two 32-bit signed integer channels.
+        Rg32Sint = Sint Bits32 2,
+        /// Two 32-bit floats.
+        Rg32Float = Float Bits32 2,
+        /// Four 32-bit unsigned integer channels.
+        Rgba32Uint = Uint Bits32 4,
+        /// Four 32-bit signed integer channels.
+        Rgba32Sint = Sint Bits32 4,
+        /// Four 32-bit floats.
+        Rgba32Float = Float Bits32 4,
+        /// As [`Format::Rgba8Unorm`] with blue first: what most windows show.
+        Bgra8Unorm = Unorm Bgra8 4,
+        /// As [`Format::Rgba8Srgb`] with blue first.
+        Bgra8Srgb = Srgb Bgra8 4,
+        /// Unsigned normalized: 10 bits of red in the lowest bits of a word, of green and of blue, 2 bits of alpha.
+        Rgb10a2Unorm = Unorm Rgb10a2 4,
+        /// As [`Format::Rgb10a2Unorm`], of unsigned integers.
+        Rgb10a2Uint = Uint Rgb10a2 4,
+        /// Floats without a sign, 5 bits of exponent each: 11 bits of red in the lowest bits of a word and of green, 10 of blue.
+        Rg11b10Ufloat = Float Rg11b10 3,
+        /// Unsigned normalized: 5 bits of red in the highest bits of 16, 6 of green, 5 of blue.
+        R5g6b5Unorm = Unorm R5g6b5 3,
+        /// Unsigned normalized: a bit of alpha in the highest of 16 bits, 5 bits of red, of green and of blue.
+        A1r5g5b5Unorm = Unorm A1r5g5b5 4,
         /// One 32-bit float of depth in 0..=1.
-        D32Float = 3,
+        D32Float = Depth Bits32 1,
     }
 }
 
 impl Format {
+    /// What the bits of a channel mean.
+    pub const fn numeric(self) -> Numeric {
+        self.parts().0
+    }
+
+    /// Where the channels of a texel lie.
+    pub const fn packing(self) -> Packing {
+        self.parts().1
+    }
+
+    /// Channels of a texel: red, green, blue, alpha, in this order. Those that are missing are read as 0, a missing alpha as 1.
+    pub const fn channels(self) -> usize {
+        self.parts().2 as usize
+    }
+
     /// Bytes of one texel.
     pub const fn texel_bytes(self) -> usize {
-        match self {
-            Format::Rgba8Unorm | Format::Rgba8Srgb | Format::D32Float => 4,
-            Format::Rgba16Float => 8,
+        match self.packing() {
+            Packing::Bits8 => self.channels(),
+            Packing::Bits16 => 2 * self.channels(),
+            Packing::Bits32 => 4 * self.channels(),
+            Packing::R5g6b5 | Packing::A1r5g5b5 => 2,
+            Packing::Bgra8 | Packing::Rgb10a2 | Packing::Rg11b10 => 4,
         }
+    }
+
+    /// Bytes of one texel where kernels read and write it.
+    pub(crate) const fn row_bytes(self) -> usize {
+        if self.texel_bytes() < 4 { 4 } else { self.texel_bytes() }
+    }
+
+    /// Whether it holds depths.
+    pub const fn is_depth(self) -> bool {
+        matches!(self.numeric(), Numeric::Depth)
+    }
+
+    /// Whether it holds integers that stand for themselves. They are neither filtered nor blended.
+    pub const fn is_integer(self) -> bool {
+        matches!(self.numeric(), Numeric::Uint | Numeric::Sint)
     }
 }
 

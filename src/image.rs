@@ -2,14 +2,18 @@
 
 pub mod png;
 mod shape;
+pub(crate) mod texel;
 
 pub use shape::Shape;
+pub use texel::{f32_to_half, half_to_f32};
 
 use crate::{
     error::{Error, Result},
-    format::Format,
+    format::{Format, Numeric},
+    target::ClearColor,
 };
 use std::borrow::Cow;
+use texel::to_unorm8;
 
 /// Width and height in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -63,11 +67,26 @@ impl Picture {
         Self { extent, format, bytes: vec![0; extent.pixels() * format.texel_bytes()] }
     }
 
+    /// A picture of one colour: what a target holds that was cleared to `color`.
+    pub fn filled(extent: Extent, format: Format, color: impl Into<ClearColor>) -> Self {
+        let words = texel::encode(format, color.into());
+        let texel = &bytemuck::cast_slice(&words)[..format.texel_bytes()];
+        Self { extent, format, bytes: texel.repeat(extent.pixels()) }
+    }
+
     /// The bytes of the pixel at `x`, `y`.
     pub fn texel(&self, x: u32, y: u32) -> &[u8] {
         let n = self.format.texel_bytes();
         let at = (y as usize * self.extent.width as usize + x as usize) * n;
         &self.bytes[at..at + n]
+    }
+
+    /// The values of all pixels: floats and depths, normalized numbers in 0..=1 or -1..=1 (sRGB-encoded ones are not
+    /// decoded), integers as floats. Channels that the format lacks are 0, a missing alpha is 1.
+    pub fn values(&self) -> impl Iterator<Item = [f32; 4]> + '_ {
+        self.bytes
+            .chunks_exact(self.format.texel_bytes())
+            .map(|texel| texel::decode(self.format, texel))
     }
 
     /// All pixels as floats, for [`Format::D32Float`]; native byte order as the device wrote it.
@@ -76,20 +95,30 @@ impl Picture {
         bytemuck::pod_collect_to_vec(&self.bytes)
     }
 
-    /// The picture as a screen shows it: four bytes a pixel, RGB as sRGB, alpha linear.
+    /// The picture as a screen shows it: four bytes a pixel, RGB as sRGB, alpha linear. Channels that the format lacks are 0, a
+    /// missing alpha is 1.
     ///
-    /// 8-bit formats are taken as they are, also [`Format::Rgba8Unorm`], whose shaders chose their
-    /// own encoding; linear half floats are clamped to 0..=1, encoded and rounded.
+    /// Normalized formats are taken as they are, also those that are not sRGB-encoded, whose shaders chose their own encoding;
+    /// floats are linear: they are clamped to 0..=1, encoded and rounded.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a depth image, which has no colours.
+    /// [`Error::Usage`] for a picture of depths or of integers, which are no colours.
     pub fn display_rgba8(&self) -> Result<Cow<'_, [u8]>> {
-        match self.format {
-            Format::Rgba8Unorm | Format::Rgba8Srgb => Ok(Cow::Borrowed(&self.bytes)),
-            Format::Rgba16Float => Ok(Cow::Owned(self.half_texels().flat_map(shown).collect())),
-            Format::D32Float => {
+        match self.format.numeric() {
+            _ if matches!(self.format, Format::Rgba8Unorm | Format::Rgba8Srgb) => {
+                Ok(Cow::Borrowed(&self.bytes))
+            }
+            Numeric::Unorm | Numeric::Srgb | Numeric::Snorm => {
+                Ok(Cow::Owned(self.values().flat_map(|c| c.map(to_unorm8)).collect()))
+            }
+            Numeric::Float => Ok(Cow::Owned(self.values().flat_map(shown).collect())),
+            Numeric::Depth => {
                 Err(Error::Usage("a depth image cannot be shown as a picture".into()))
             }
+            Numeric::Uint | Numeric::Sint => Err(Error::Usage(format!(
+                "a picture of integers ({:?}) cannot be shown: only a program knows what they mean",
+                self.format
+            ))),
         }
     }
 
@@ -109,45 +138,11 @@ impl Picture {
                 self.format
             )));
         }
-        let divided = self.half_texels().flat_map(|[r, g, b, a]| match a {
+        let divided = self.values().flat_map(|[r, g, b, a]| match a {
             0.0 => [0; 4],
             _ => shown([r / a, g / a, b / a, a]),
         });
         Ok(Picture { extent: self.extent, format: Format::Rgba8Srgb, bytes: divided.collect() })
-    }
-
-    /// The texels of [`Format::Rgba16Float`].
-    fn half_texels(&self) -> impl Iterator<Item = [f32; 4]> {
-        let half = |texel: &[u8], at: usize| {
-            half_to_f32(u16::from_ne_bytes([texel[2 * at], texel[2 * at + 1]]))
-        };
-        self.bytes.chunks_exact(8).map(move |texel| std::array::from_fn(|at| half(texel, at)))
-    }
-}
-
-/// The texel that a linear RGBA value becomes in an 8-bit format, to the bit as kernels encode it; `None`
-/// for other formats.
-pub fn texel_rgba8(format: Format, linear: [f32; 4]) -> Option<[u8; 4]> {
-    match format {
-        Format::Rgba8Unorm => Some(linear.map(to_unorm8)),
-        Format::Rgba8Srgb => {
-            let [r, g, b, a] = linear.map(|c| if c > 0.0 { c.min(1.0) } else { 0.0 });
-            Some([kernel_srgb(r), kernel_srgb(g), kernel_srgb(b), a].map(to_unorm8))
-        }
-        Format::Rgba16Float | Format::D32Float => None,
-    }
-}
-
-/// A half float's value; exact, because every half is a float.
-pub fn half_to_f32(half: u16) -> f32 {
-    let sign = if half & 0x8000 == 0 { 1.0 } else { -1.0 };
-    let exponent = i32::from(half >> 10 & 0x1f);
-    let mantissa = f32::from(half & 0x3ff);
-    match exponent {
-        0 => sign * mantissa * 2f32.powi(-24),
-        31 if mantissa == 0.0 => sign * f32::INFINITY,
-        31 => f32::NAN,
-        _ => sign * (1024.0 + mantissa) * 2f32.powi(exponent - 25),
     }
 }
 
@@ -165,32 +160,10 @@ pub fn linear_to_srgb(linear: f32) -> f32 {
     (if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }) as f32
 }
 
-/// The sRGB transfer function as `glsl/lib/color.glsl` has it, operation for operation.
-fn kernel_srgb(c: f32) -> f32 {
-    if c <= 0.003_130_8 {
-        return 12.92 * c;
-    }
-    let m = f32::from_bits(c.to_bits() & 0x7f_ffff | 0x3f80_0000);
-    let k = 127 - (c.to_bits() >> 23);
-    let mut power = 0.433_846_95
-        + m * (0.874_447_5 + m * (-0.335_793_08 + m * (0.093_934_77 - m * 0.011_425_173)));
-    let factors = [0.749_153_55, 0.561_231, 0.314_980_27, 0.099_212_565];
-    for (bit, factor) in factors.into_iter().enumerate() {
-        power *= if k >> bit & 1 != 0 { factor } else { 1.0 };
-    }
-    power - 0.055
-}
-
 /// A linear colour as a screen shows it.
 fn shown([r, g, b, a]: [f32; 4]) -> [u8; 4] {
     let [r, g, b] = [r, g, b].map(linear_to_srgb);
     [r, g, b, a].map(to_unorm8)
-}
-
-/// Rounds to the nearest of 0..=255, ties to even, as kernels do;
-/// not-a-number becomes 0, as the specification of UNORM says.
-fn to_unorm8(value: f32) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0).round_ties_even() as u8
 }
 
 #[cfg(test)]
@@ -198,20 +171,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves_convert_exactly() {
-        for (half, value) in [
-            (0x0000, 0.0),
-            (0x0001, 2f32.powi(-24)),
-            (0x03ff, 1023.0 * 2f32.powi(-24)),
-            (0x0400, 2f32.powi(-14)),
-            (0x3c00, 1.0),
-            (0xc000, -2.0),
-            (0x7bff, 65504.0),
-            (0x7c00, f32::INFINITY),
-        ] {
-            assert_eq!(half_to_f32(half), value, "{half:#06x}");
+    fn every_format_is_shown_but_depths_and_integers() {
+        for &format in Format::ALL {
+            let picture = Picture::filled(Extent::new(2, 1), format, [1.0, 0.0, 1.0, 1.0]);
+            assert_eq!(picture.bytes.len(), 2 * format.texel_bytes(), "{format:?}");
+            match picture.display_rgba8() {
+                Ok(shown) => {
+                    let blue = if format.channels() < 3 { 0 } else { 255 };
+                    assert_eq!(*shown, [255, 0, blue, 255].repeat(2), "{format:?}");
+                }
+                Err(_) => assert!(format.is_depth() || format.is_integer(), "{format:?}"),
+            }
         }
-        assert!(half_to_f32(0x7e00).is_nan());
     }
 
     #[test]

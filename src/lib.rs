@@ -133,6 +133,6 @@ pub use pass::{
     VertexAttribute, VertexBinding,
 };
 pub use shader::{Shader, Stage};
-pub use target::{ColorTarget, DepthTarget, LoadOp, StoreOp};
+pub use target::{ClearColor, ColorTarget, DepthTarget, LoadOp, StoreOp};
 pub use texture::{Sampler, Texture};
 pub use vk::{Buffer, Gpu, GpuOptions, Image, ImageInfo, ImageUse, Kernel, Memory, Submission};

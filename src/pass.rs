@@ -417,9 +417,9 @@ impl Pass {
         }
     }
 
-    /// Bytes of a pixel of all colour targets.
-    pub(crate) fn color_bytes(&self) -> usize {
-        self.colors.iter().map(|color| color.format.texel_bytes()).sum()
+    /// Bytes of a pixel of all colour targets where kernels write them.
+    pub(crate) fn row_bytes(&self) -> usize {
+        self.colors.iter().map(|color| color.format.row_bytes()).sum()
     }
 }
 

@@ -10,6 +10,7 @@ mod layout;
 #[path = "../glsl/spirv/files.rs"]
 mod files;
 
+use crate::{abi::MAX_COLORS, shader::Colors};
 pub use files::FILES;
 
 /// The words of a file of `glsl/spirv/`.
@@ -40,21 +41,30 @@ pub const SHADE: &[u32] = file!("shade.comp");
 /// `ordered.comp`.
 pub const ORDERED: &[u32] = file!("ordered.comp");
 
-/// All kernels: the name of the GLSL file, the most colour targets, the words.
-pub const KERNELS: &[(&str, u32, &[u32])] = &[
-    ("binning_scan.comp", 1, file!("binning_scan.comp")),
-    ("binning_scatter.comp", 1, file!("binning_scatter.comp")),
-    ("binning_sort.comp", 1, file!("binning_sort.comp")),
-    ("clear.comp", 1, file!("clear.comp")),
-    ("commands.comp", 1, file!("commands.comp")),
-    ("ordered.comp", 1, ORDERED),
-    ("ordered.comp", 8, file!("8-ordered.comp")),
-    ("primitive.comp", 1, file!("primitive.comp")),
-    ("raster.comp", 1, file!("raster.comp")),
-    ("shade.comp", 1, SHADE),
-    ("shade.comp", 8, file!("8-shade.comp")),
-    ("vertex.comp", 1, VERTEX),
+/// All kernels: the name of the GLSL file, the colour targets, the words.
+pub const KERNELS: &[(&str, Colors, &[u32])] = &[
+    ("binning_scan.comp", Colors::ONE, file!("binning_scan.comp")),
+    ("binning_scatter.comp", Colors::ONE, file!("binning_scatter.comp")),
+    ("binning_sort.comp", Colors::ONE, file!("binning_sort.comp")),
+    ("clear.comp", Colors::ONE, file!("clear.comp")),
+    ("commands.comp", Colors::ONE, file!("commands.comp")),
+    ("narrow.comp", Colors::ONE, file!("narrow.comp")),
+    ("ordered.comp", Colors::ONE, ORDERED),
+    ("ordered.comp", SEVERAL, file!("8-ordered.comp")),
+    ("ordered.comp", ANY_ONE, file!("any-ordered.comp")),
+    ("ordered.comp", ANY_SEVERAL, file!("any-8-ordered.comp")),
+    ("primitive.comp", Colors::ONE, file!("primitive.comp")),
+    ("raster.comp", Colors::ONE, file!("raster.comp")),
+    ("shade.comp", Colors::ONE, SHADE),
+    ("shade.comp", SEVERAL, file!("8-shade.comp")),
+    ("shade.comp", ANY_ONE, file!("any-shade.comp")),
+    ("shade.comp", ANY_SEVERAL, file!("any-8-shade.comp")),
+    ("vertex.comp", Colors::ONE, VERTEX),
 ];
+
+const SEVERAL: Colors = Colors { most: MAX_COLORS, any_format: false };
+const ANY_ONE: Colors = Colors { most: 1, any_format: true };
+const ANY_SEVERAL: Colors = Colors { most: MAX_COLORS, any_format: true };
 
 /// The macros that every kernel is compiled with.
 pub const DEFINES: &str = include_str!("../glsl/spirv/defines.glsl");

@@ -15,7 +15,7 @@ macro_rules! shared_constants {
 /// `SrcAlpha` of `BlendFactor` is `BLEND_FACTOR_SRC_ALPHA` in GLSL.
 macro_rules! shared_enum {
     ($(#[$meta:meta])* pub enum $name:ident {
-        $($(#[$of_variant:meta])* $variant:ident = $number:literal,)*
+        $($(#[$of_variant:meta])* $variant:ident = $number:expr,)*
     }) => {
         $(#[$meta])*
         #[repr(u32)]
@@ -27,6 +27,10 @@ macro_rules! shared_enum {
             /// Name and number of each variant.
             pub const NUMBERS: &[(&str, u32)] =
                 &[$((concat!(stringify!($name), "::", stringify!($variant)), $number)),*];
+
+            /// All variants.
+            #[allow(dead_code)]
+            pub const ALL: &[Self] = &[$($name::$variant),*];
         }
     };
 }

@@ -2,7 +2,7 @@
 
 use crate::{
     error::Result,
-    format::Format,
+    format::{Format, Numeric},
     image::{self, Extent},
     vk::{self, Subresource},
 };
@@ -18,6 +18,13 @@ pub enum LoadOp<T> {
     Load,
     /// This picture of the host, which has the extent of the pass and the format of the target.
     Picture(Arc<image::Picture>),
+}
+
+impl LoadOp<ClearColor> {
+    /// Clears to `color`: `[f32; 4]`, `[u32; 4]` or `[i32; 4]`, as the format asks for.
+    pub fn clear(color: impl Into<ClearColor>) -> Self {
+        Self::Clear(color.into())
+    }
 }
 
 impl<T: Copy> LoadOp<T> {
@@ -41,6 +48,47 @@ pub enum StoreOp {
     Discard,
 }
 
+/// The colour that a target is cleared to, of the kind that its format holds. Values that the format does not hold become
+/// the nearest one that it does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ClearColor {
+    /// Linear RGBA.
+    Float([f32; 4]),
+    /// For formats of unsigned integers.
+    Uint([u32; 4]),
+    /// For formats of signed integers.
+    Sint([i32; 4]),
+}
+
+impl From<[f32; 4]> for ClearColor {
+    fn from(rgba: [f32; 4]) -> Self {
+        Self::Float(rgba)
+    }
+}
+
+impl From<[u32; 4]> for ClearColor {
+    fn from(rgba: [u32; 4]) -> Self {
+        Self::Uint(rgba)
+    }
+}
+
+impl From<[i32; 4]> for ClearColor {
+    fn from(rgba: [i32; 4]) -> Self {
+        Self::Sint(rgba)
+    }
+}
+
+impl ClearColor {
+    /// Whether targets of `format` are cleared to such a color.
+    fn fits(self, format: Format) -> bool {
+        match self {
+            Self::Float(_) => !format.is_integer(),
+            Self::Uint(_) => format.numeric() == Numeric::Uint,
+            Self::Sint(_) => format.numeric() == Numeric::Sint,
+        }
+    }
+}
+
 /// A colour target.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -52,23 +100,25 @@ pub struct ColorTarget {
     /// The layer that is drawn to: of a cube a face in the order of [`image::Shape::Cube`], of an image of three dimensions a
     /// slice.
     pub layer: u32,
-    /// [`Format::Rgba8Unorm`], [`Format::Rgba8Srgb`] or [`Format::Rgba16Float`]; that of the image, if there is one.
+    /// Any format of colours; that of the image, if there is one. It says what the shader writes: floats, or integers of its
+    /// kind.
     pub format: Format,
-    /// What it begins with. A clear colour is linear RGBA.
-    pub load: LoadOp<[f32; 4]>,
+    /// What it begins with.
+    pub load: LoadOp<ClearColor>,
     /// What is kept.
     pub store: StoreOp,
 }
 
 impl ColorTarget {
-    /// A target that each executor makes, cleared to `color` (linear RGBA).
-    pub fn cleared(format: Format, color: [f32; 4]) -> Self {
-        let (load, store) = (LoadOp::Clear(color), StoreOp::Store);
+    /// A target that each executor makes, cleared to `color`: linear RGBA (`[f32; 4]`), or `[u32; 4]` or `[i32; 4]` if the
+    /// format holds such integers.
+    pub fn cleared(format: Format, color: impl Into<ClearColor>) -> Self {
+        let (load, store) = (LoadOp::clear(color), StoreOp::Store);
         Self { image: None, level: 0, layer: 0, format, load, store }
     }
 
     /// A target that is `image`, made for [`vk::ImageUse::Attachment`] or [`vk::ImageUse::Storage`]: level 0 of layer 0, unless set otherwise.
-    pub fn on_device(image: &vk::Image, load: LoadOp<[f32; 4]>) -> Self {
+    pub fn on_device(image: &vk::Image, load: LoadOp<ClearColor>) -> Self {
         let (image, format) = (Some(image.clone()), image.format());
         Self { image, level: 0, layer: 0, format, load, store: StoreOp::Store }
     }
@@ -164,6 +214,14 @@ impl<T: Clone> LoadOp<T> {
     }
 }
 
+/// Whether `format` holds colours.
+pub(crate) fn check_color_format(format: Format) -> Fault {
+    match format.is_depth() {
+        true => Err(format!("{format:?} is no format of a colour target")),
+        false => Ok(()),
+    }
+}
+
 /// A fault of a target, without saying where.
 type Fault = std::result::Result<(), String>;
 
@@ -171,8 +229,9 @@ impl ColorTarget {
     /// Whether a pass of `extent` can draw to it.
     pub(crate) fn check(&self, extent: Extent) -> Fault {
         let format = self.format;
-        if !matches!(format, Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float) {
-            return Err(format!("{format:?} is no format of a colour target"));
+        check_color_format(format)?;
+        if let Some(color) = self.load.clear_value().filter(|color| !color.fits(format)) {
+            return Err(format!("a target of {format:?} cannot be cleared to {color:?}"));
         }
         check((self.image.as_ref(), self.subresource()), &self.load, format, extent)
     }

@@ -124,7 +124,7 @@ fn expected(background: [u8; 4], shift: f32) -> [Vec<u8>; 2] {
     pass.colors = vec![ColorTarget::on_device(&first, LoadOp::Load)];
     renderer.render(&pass).unwrap();
     let mut pass = exchange(&first);
-    pass.colors = vec![ColorTarget::on_device(&second, LoadOp::Clear([0.0; 4]))];
+    pass.colors = vec![ColorTarget::on_device(&second, LoadOp::clear([0.0; 4]))];
     renderer.render(&pass).unwrap();
     [first, second].map(|image| image.download(0).unwrap().bytes)
 }
@@ -179,7 +179,7 @@ fn passes_run_in_the_callers_commands() {
             let mut draw = triangles(corners, indices, shift);
             draw.colors = vec![ColorTarget::on_device(&first, LoadOp::Load)];
             let mut then = exchange(&first);
-            then.colors = vec![ColorTarget::on_device(&second, LoadOp::Clear([0.0; 4]))];
+            then.colors = vec![ColorTarget::on_device(&second, LoadOp::clear([0.0; 4]))];
             then.depth = None;
             // SAFETY: the commands are being recorded; what is recorded is held until they have ended.
             let borrowed = unsafe { CallerCommands::new(&gpu, commands) };
@@ -238,7 +238,7 @@ fn a_frame_that_uploads_waits_for_nobody() {
     let info = ImageInfo::new("shown", EXTENT, Format::Rgba8Unorm, ImageUse::Attachment);
     let shown = Image::new(gpu, &info).unwrap();
     let mut pass = exchange(&shown);
-    pass.colors = vec![ColorTarget::on_device(&shown, LoadOp::Clear([0.0; 4]))];
+    pass.colors = vec![ColorTarget::on_device(&shown, LoadOp::clear([0.0; 4]))];
     let mut renderer = compute::Renderer::new(gpu).unwrap();
     for color in [[10, 20, 30, 40], [50, 60, 70, 80]] {
         let texels = vec![color.repeat(4 * 4)];
@@ -350,7 +350,7 @@ fn buffers_and_images_that_lack_a_usage_are_refused_where_it_matters() {
         drop(frame);
         refused
     };
-    let clear = || LoadOp::Clear([0.0; 4]);
+    let clear = || LoadOp::clear([0.0; 4]);
     let sampled = vk::ImageUsageFlags::SAMPLED;
     for layout in [UNDEFINED, vk::ImageLayout::PREINITIALIZED] {
         refused(image(COPIED, layout).map(drop), &["`mine`", "layout"]);
@@ -387,7 +387,7 @@ fn a_recording_that_fails_can_be_followed_by_another() {
     let image = unsafe { Image::adopt(gpu, &whole) }.unwrap();
     let mut renderer = compute::Renderer::new(gpu).unwrap();
     let mut pass = host_triangles(0.0);
-    pass.colors = vec![ColorTarget::on_device(&image, LoadOp::Clear([0.2, 0.4, 0.6, 1.0]))];
+    pass.colors = vec![ColorTarget::on_device(&image, LoadOp::clear([0.2, 0.4, 0.6, 1.0]))];
     for fails in [true, false, true, false] {
         let commands = opened.begin();
         opened.change(commands, (raw, COLOR), (UNDEFINED, READ));

@@ -60,7 +60,7 @@ void main() { color = shade; }";
 /// A pass that fills `image` with a colour that is pushed.
 fn fill(image: &Image, shaders: &[Arc<Shader>; 2], color: [f32; 4]) -> Pass {
     let mut pass = Pass::new("fill", image.extent());
-    pass.colors = vec![ColorTarget::on_device(image, LoadOp::Clear([0.0; 4]))];
+    pass.colors = vec![ColorTarget::on_device(image, LoadOp::clear([0.0; 4]))];
     let [vertex, fragment] = shaders.clone();
     pass.pipelines = vec![Arc::new(Pipeline::new("fill", vertex, fragment))];
     let push_constants = bytemuck::bytes_of(&color).to_vec();

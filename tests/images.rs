@@ -80,7 +80,7 @@ void main() { color = textureLod(image, vec2(0.5), floor(gl_FragCoord.x)); }";
         for executor in &mut executors {
             let image = Image::new(gpu, &info).unwrap();
             image.upload(&levels).unwrap();
-            let color = ColorTarget::on_device(&image, LoadOp::Clear([0.0; 4]));
+            let color = ColorTarget::on_device(&image, LoadOp::clear([0.0; 4]));
             executor.render(&whole(extent, color, red)).unwrap();
             let color = ColorTarget::cleared(format, [0.0; 4]);
             let mut pass = whole(Extent::new(3, 1), color, show);

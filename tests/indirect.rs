@@ -238,7 +238,7 @@ void main() {
         let image = Image::new(gpu, &ImageInfo::new("image", extent, format, usage)).unwrap();
         let mut pass = mesh(1);
         pass.extent = extent;
-        pass.colors = vec![ColorTarget::on_device(&image, LoadOp::Clear([0.0; 4]))];
+        pass.colors = vec![ColorTarget::on_device(&image, LoadOp::clear([0.0; 4]))];
         pass.depth = None;
         let mut draw = Draw::new(0, 0);
         draw.vertex_buffers = vec![BufferRange::on_device(&corners)];

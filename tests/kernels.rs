@@ -1,15 +1,15 @@
 //! Is this GLSL function right? A probe kernel runs one function of `glsl/lib` over many inputs, on
 //! every driver, and Rust code computes the right result.
 
+mod color;
+
 use crate::common::{kernel_spirv, on_each_gpu, random::Random};
 use bytemuck::Pod;
 use rspirv::binary::Assemble;
 use std::{fs, path::Path};
 use tilewright::{
     abi,
-    format::Format,
     grid::pixel_number,
-    image::{linear_to_srgb, texel_rgba8},
     vk::{Buffer, Gpu, Kernel, KernelInfo, Memory, Recorder},
 };
 
@@ -19,6 +19,9 @@ mod constants;
 #[allow(dead_code)]
 #[path = "../src/shader/engine.rs"]
 mod engine;
+
+/// The colours of targets of any format.
+const ANY_COLOR: [&str; 2] = ["lib/color.glsl", "lib/any_color.glsl"];
 
 /// Runs `body`, which turns `v`, four words of input, into `r`, four words of output, over `inputs`, one
 /// for each lane of subgroups that are workgroups.
@@ -37,13 +40,15 @@ fn probe_as_if<I: Pod, O: Pod>(
     let lanes = gpu.limits().subgroup_size;
     assert_eq!((size_of::<I>(), size_of::<O>()), (16, 16), "a probe moves four words");
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
+    let any = includes.contains(&ANY_COLOR[1]).then_some("#define ANY_FORMAT\n");
     let mut source = format!(
         "#version 460
 #extension GL_EXT_control_flow_attributes : require
-{}const uint SUBGROUP_WIDTH = {width}u;
+{}{}const uint SUBGROUP_WIDTH = {width}u;
 const bool GREATER = false;
 const bool BIASED = true;\n",
-        constants::defines()
+        constants::defines(),
+        any.unwrap_or_default()
     );
     for include in includes {
         let text = fs::read_to_string(folder.join(include)).expect("a file of glsl/");
@@ -193,77 +198,6 @@ fn wide_integers_are_64_bit_integers() {
 }
 
 #[test]
-fn srgb_is_what_the_standard_says() {
-    on_each_gpu("sRGB", |gpu| {
-        let mut random = Random::new(5);
-        let includes = ["lib/color.glsl"];
-        let lights: Vec<[f32; 4]> = (0..CASES)
-            .map(|i| match i {
-                0 => [0.0; 4],
-                1 => [1.0, 0.0031308, 0.0031309, 1.0],
-                _ => std::array::from_fn(|_| 2f32.powf(-12.0 * random.unit())),
-            })
-            .collect();
-        let body = "r.xyz = floatBitsToUint(srgb_encode(uintBitsToFloat(v.rgb)));";
-        let encoded: Vec<[f32; 4]> = probe(gpu, &includes, body, &lights);
-        for (light, encoded) in lights.iter().zip(&encoded) {
-            for (light, encoded) in light.iter().zip(&encoded[..3]) {
-                let error = 255.0 * (encoded - linear_to_srgb(*light)).abs();
-                assert!(error < 0.004, "{light} is {encoded}, wrong by {error} of 255");
-            }
-        }
-        let codes: Vec<[u32; 4]> = (0..256).map(|code| [code * 0x01_01_01, 0, 0, 0]).collect();
-        let body = "vec4 c = color_decode(FORMAT_RGBA8_SRGB, v.xy);
-            r = uvec4(floatBitsToUint(c.r), color_encode(FORMAT_RGBA8_SRGB, c), 0u);";
-        let decoded: Vec<[u32; 4]> = probe(gpu, &includes, body, &codes);
-        for ([code, ..], [light, back, ..]) in codes.iter().zip(decoded) {
-            assert_eq!(*code, back, "decoded and encoded again");
-            let error = 255.0 * linear_to_srgb(f32::from_bits(light)) - (code & 0xff) as f32;
-            assert!(error.abs() < 0.014, "{code:#x} decodes to a light wrong by {error} of 255");
-        }
-    });
-}
-
-#[test]
-fn texels_are_encoded_as_the_host_encodes_clears() {
-    on_each_gpu("texels", |gpu| {
-        let mut random = Random::new(6);
-        let colors: Vec<[f32; 4]> = (0..CASES)
-            .map(|i| match i {
-                0..256 => [(i as f32 + 0.5) / 255.0; 4],
-                256..267 => [(i - 256) as f32 / 10.0; 4],
-                267 => [f32::NAN, -1.0, 2.0, 1e-30],
-                _ => std::array::from_fn(|_| 2f32.powf(-12.0 * random.unit())),
-            })
-            .collect();
-        let body = "vec4 c = uintBitsToFloat(v);
-            r.x = color_encode(FORMAT_RGBA8_UNORM, c).x; r.y = color_encode(FORMAT_RGBA8_SRGB, c).x;";
-        let texels: Vec<[u32; 4]> = probe(gpu, &["lib/color.glsl"], body, &colors);
-        for (color, [unorm, srgb, ..]) in colors.iter().zip(texels) {
-            for (format, device) in [(Format::Rgba8Unorm, unorm), (Format::Rgba8Srgb, srgb)] {
-                let host = texel_rgba8(format, *color).expect("an 8-bit format");
-                assert_eq!(device.to_le_bytes(), host, "{color:?} in {format:?}");
-            }
-        }
-    });
-}
-
-#[test]
-fn what_is_encoded_stays_when_it_is_decoded_and_encoded_again() {
-    on_each_gpu("texels there and back", |gpu| {
-        // Blending leaves pixels alone to which a transparent fragment adds nothing.
-        let texels: Vec<[u32; 4]> = (0..256).map(|v| [v * 0x0101_0101, 0, 0, 0]).collect();
-        let body =
-            "r.x = color_encode(FORMAT_RGBA8_UNORM, color_decode(FORMAT_RGBA8_UNORM, v.xy)).x;
-            r.y = color_encode(FORMAT_RGBA8_SRGB, color_decode(FORMAT_RGBA8_SRGB, v.xy)).x;";
-        let back: Vec<[u32; 4]> = probe(gpu, &["lib/color.glsl"], body, &texels);
-        for ([texel, ..], [unorm, srgb, ..]) in texels.into_iter().zip(back) {
-            assert_eq!([unorm, srgb], [texel, texel], "{texel:x}");
-        }
-    });
-}
-
-#[test]
 fn lanes_know_of_each_other() {
     on_each_gpu("lanes", |gpu| {
         let width = gpu.limits().subgroup_size as usize;
@@ -354,48 +288,6 @@ fn patches_are_left_out_where_an_edge_has_them_outside() {
 }
 
 /// Where a fragment is said to leave the target alone, blending it would.
-#[test]
-fn transparent_fragments_leave_texels_alone() {
-    on_each_gpu("transparent fragments", |gpu| {
-        let mut random = Random::new(10);
-        // A texel, both equations, and a source of three half floats, any bits.
-        let inputs: Vec<[u32; 4]> = (0..CASES)
-            .map(|i| {
-                let mut equation = || {
-                    // One or source alpha, and one or one minus that, are among those that keep texels.
-                    let [src, dst, op] = match random.below(2) {
-                        0 => [[6, 1, 0], [6, 7, 0], [1, 7, 0], [1, 1, 0]][random.below(4)],
-                        _ => [random.below(10), random.below(10), random.below(5)],
-                    };
-                    src as u32
-                        | (dst as u32) << abi::BLEND_TARGET_SHIFT
-                        | (op as u32) << abi::BLEND_OP_SHIFT
-                };
-                let equations = equation() | equation() << abi::COLOR_ALPHA_SHIFT;
-                let texel = (i as u32 % 256) * 0x0101_0101;
-                [texel, equations, random.bits() as u32, random.bits() as u32]
-            })
-            .collect();
-        let body = "uint c = v.y & ((1u << BLEND_BITS) - 1u), a = v.y >> COLOR_ALPHA_SHIFT;
-            vec4 source = saturate(vec4(unpackHalf2x16(v.z), unpackHalf2x16(v.w).x, -0.0));
-            r = uvec4(v.x, v.x, blend_keeps(c, a) ? 1u : 0u, 0u);
-            if (r.z != 0u) {
-                vec4 unorm = blend(c, a, source, color_decode(FORMAT_RGBA8_UNORM, v.xx));
-                vec4 srgb = blend(c, a, source, color_decode(FORMAT_RGBA8_SRGB, v.xx));
-                r.x = color_encode(FORMAT_RGBA8_UNORM, unorm).x;
-                r.y = color_encode(FORMAT_RGBA8_SRGB, srgb).x;
-            }";
-        let steps = ["lib/color.glsl", "lib/blend.glsl"];
-        let outputs: Vec<[u32; 4]> = probe(gpu, &steps, body, &inputs);
-        let mut kept = 0;
-        for ([texel, equations, ..], [unorm, srgb, keeps, _]) in inputs.iter().zip(outputs) {
-            assert_eq!([unorm, srgb], [*texel; 2], "{texel:x} by {equations:x}");
-            kept += keeps;
-        }
-        assert!(kept > 1000, "{kept} cases test nothing");
-    });
-}
-
 #[test]
 fn every_pixel_of_a_bin_has_one_place() {
     on_each_gpu("pixel order", |gpu| {

@@ -13,6 +13,7 @@ mod depth_bias;
 mod devices;
 mod examples;
 mod extremes;
+mod formats;
 mod frames;
 mod golden;
 mod images;

@@ -162,7 +162,7 @@ void main() {
             "color = texelFetch(written, at, 0);",
             vec![bound],
         );
-        shows.colors = vec![ColorTarget::on_device(&shown, LoadOp::Clear([0.0; 4]))];
+        shows.colors = vec![ColorTarget::on_device(&shown, LoadOp::clear([0.0; 4]))];
         let mut renderer = compute::Renderer::new(gpu).unwrap();
         for number in 1..=3u8 {
             let mut frame = renderer.begin().unwrap();

@@ -14,7 +14,7 @@ use tilewright::{
     reference,
     scene::Scene,
     shader::{Shader, Stage},
-    target::{ColorTarget, DepthTarget, LoadOp, StoreOp},
+    target::{ClearColor, ColorTarget, DepthTarget, LoadOp, StoreOp},
     texture::{Filter, Sampler, Texture},
     vk::{Gpu, Image, ImageInfo, ImageUse},
 };
@@ -66,9 +66,9 @@ pub fn split(
     pass: &Pass,
     at: usize,
     images: Option<&(Image, Image)>,
-    second: (LoadOp<[f32; 4]>, LoadOp<f32>),
+    second: (LoadOp<ClearColor>, LoadOp<f32>),
 ) -> [Pass; 2] {
-    let part = |draws: &[Draw], load: Option<(LoadOp<[f32; 4]>, LoadOp<f32>)>| {
+    let part = |draws: &[Draw], load: Option<(LoadOp<ClearColor>, LoadOp<f32>)>| {
         let mut part = pass.clone();
         part.draws = draws.to_vec();
         let depth = part.depth.as_mut().unwrap();
@@ -226,7 +226,7 @@ fn depth_alone_is_drawn_and_sampled() {
             let mut shadow = whole(extent, any.clone(), &fragment);
             shadow.colors.clear();
             shadow.depth = Some(DepthTarget::on_device(&depth, LoadOp::Clear(1.0)));
-            let color = ColorTarget::on_device(&shown, LoadOp::Clear([0.0; 4]));
+            let color = ColorTarget::on_device(&shown, LoadOp::clear([0.0; 4]));
             let mut light = whole(extent, color, SHADOWED);
             light.draws[0].sets = vec![textures(&[&depth])];
             let mut executors: Vec<Box<dyn Executor>> =
@@ -262,7 +262,7 @@ layout(binding = 0) uniform sampler2D before;
 layout(location = 0) out vec4 color;
 void main() { color = texelFetch(before, ivec2(gl_FragCoord.xy), 0) + vec4(1, 2, 3, 4) / 255.0; }";
         let passes = [0, 1].map(|n| {
-            let color = ColorTarget::on_device(&images[n], LoadOp::Clear([0.0; 4]));
+            let color = ColorTarget::on_device(&images[n], LoadOp::clear([0.0; 4]));
             let mut pass = whole(extent, color, step);
             pass.draws[0].sets = vec![textures(&[&images[1 - n]])];
             pass
@@ -329,7 +329,7 @@ layout(location = 0) out vec4 color;
 void main() { color = texture(image, vec2(0)); }";
         let other = target(&gpu, "other", extent, Format::Rgba8Unorm);
         let mut pass =
-            whole(extent, ColorTarget::on_device(&color, LoadOp::Clear([0.0; 4])), fragment);
+            whole(extent, ColorTarget::on_device(&color, LoadOp::clear([0.0; 4])), fragment);
         pass.depth = Some(DepthTarget::on_device(&depth, LoadOp::Clear(1.0)));
         pass.draws[0].sets = vec![textures(&[&other])];
         pass

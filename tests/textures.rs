@@ -267,7 +267,7 @@ fn passes_draw_to_layers_and_levels() {
                             }
                             _ => {
                                 let load =
-                                    if load { LoadOp::Load } else { LoadOp::Clear([0.5; 4]) };
+                                    if load { LoadOp::Load } else { LoadOp::clear([0.5; 4]) };
                                 let mut target = ColorTarget::on_device(image, load);
                                 (target.level, target.layer) = (level, layer);
                                 pass.colors.push(target);

@@ -35,6 +35,7 @@ const WITHOUT_REFERENCE: &[(&str, &str)] = &[
         "makes what the planner makes: its pictures are compared with those of the same draws",
     ),
     ("clear", "writes one value everywhere: its result is compared as the targets' first content"),
+    ("narrow", "moves bytes: pictures of narrow formats are compared with what shaders wrote"),
     ("vertex", "runs the user's shader: the reference takes the positions that it wrote"),
     ("shade", "runs the user's shader: its colours are compared with the classic pipeline's"),
     ("ordered", "runs the user's shader: its colours are compared with the classic pipeline's"),

@@ -1,6 +1,22 @@
-// Colour formats: between linear RGBA floats and the words of a target.
+// Colour formats: between the values of shaders and the words of a target.
+//
+// The number of a format says what its bits mean, where its channels lie and how many there are (`Format` of format.rs). Most
+// passes have targets of a few common formats (`COMMON` of src/compute/maker.rs). Kernels for these know no others, so that
+// drivers compile them in a fraction of the time; kernels for any format define ANY_FORMAT.
 #ifndef COLOR_GLSL
 #define COLOR_GLSL
+
+uint numeric_of(const uint format) {
+    return format & 7u;
+}
+
+uint packing_of(const uint format) {
+    return (format >> 3) & 7u;
+}
+
+uint channels_of(const uint format) {
+    return (format >> 6) + 1u;
+}
 
 // To 0..=1; NaN becomes 0 on every device.
 vec4 saturate(const vec4 c) {
@@ -33,42 +49,78 @@ vec3 srgb_decode(const vec3 c) {
     return mix(light, c * (1.0 / 12.92), lessThanEqual(c, vec3(0.04045)));
 }
 
-// Floats from 2^23 on are whole numbers: adding 2^23 rounds to the nearest of them, ties to even.
-uint pack_unorm8(const vec4 c) {
-    uvec4 u = floatBitsToUint(c * 255.0 + 8388608.0) & 0xffu;
-    return u.r | u.g << 8 | u.b << 16 | u.a << 24;
+// Floats without their signs, as ones of 5 bits of exponent and `bits` bits of mantissa, 10 in a half: the nearest ones, ties
+// to even. Drivers round `packHalf2x16` as they like, and one makes not-a-number of infinity.
+uvec4 small_floats(const vec4 values, const uvec4 bits) {
+    uvec4 all = floatBitsToUint(values) & 0x7fffffffu, last = 23u - bits;
+    uvec4 rounded = (all - 0x38000000u + (uvec4(1u) << (last - 1u)) - 1u + ((all >> last) & 1u)) >> last;
+    // Below the normal ones, 2^-14, a step is 2^-14 / 2^bits. Adding 2^23 rounds to whole steps.
+    uvec4 steps = floatBitsToUint(uintBitsToFloat(all) * vec4(uvec4(16384u) << bits) + 8388608.0) & 0x7fffffu;
+    uvec4 numbers = mix(min(rounded, uvec4(31u) << bits), steps, lessThan(all, uvec4(0x38800000u)));
+    return mix(numbers, (uvec4(63u) << bits) >> 1, greaterThan(all, uvec4(0x7f800000u)));
 }
 
-vec4 unpack_unorm8(const uint w) {
-    return vec4(w & 0xffu, (w >> 8) & 0xffu, (w >> 16) & 0xffu, w >> 24) * (1.0 / 255.0);
+vec4 from_small_floats(const uvec4 small, const uvec4 bits) {
+    uvec4 exponents = small >> bits, bias = mix(uvec4(0x38000000u), uvec4(0x70000000u), equal(exponents, uvec4(31u)));
+    vec4 normal = uintBitsToFloat((small << (23u - bits)) + bias);
+    return mix(normal, vec4(small) * uintBitsToFloat((113u - bits) << 23), equal(exponents, uvec4(0u)));
 }
 
-// Words of a texel.
+#ifdef ANY_FORMAT
+#include "lib/any_color.glsl"
+#else
+// Words of a texel in the rows of a target.
 uint color_words(const uint format) {
-    return format == FORMAT_RGBA16_FLOAT ? 2u : 1u;
+    return packing_of(format) == PACKING_BITS16 ? 2u : 1u;
+}
+
+// Whether channels may be negative and are no floats.
+bool has_sign(const uint format) {
+    return false;
+}
+
+// A colour in the limits that Vulkan sets for the format before it is blended or written.
+vec4 limited(const uint format, const vec4 c) {
+    return numeric_of(format) == NUMERIC_FLOAT ? c : saturate(c);
+}
+
+// Four channels of 8 bits in a word. Blue comes first in some formats.
+uint pack_bytes(const uint format, const uvec4 c) {
+    uvec4 u = packing_of(format) == PACKING_BGRA8 ? c.bgra : c;
+    return u.x | u.y << 8 | u.z << 16 | u.w << 24;
 }
 
 // The bits of a texel's words that belong to the channels of `mask`, red in its lowest bit.
-uvec2 channel_bits(const uint format, const uint mask) {
-    uvec4 on = -uvec4(mask & 1u, (mask >> 1) & 1u, (mask >> 2) & 1u, (mask >> 3) & 1u);
-    if (format == FORMAT_RGBA16_FLOAT) {
-        return uvec2((on.r & 0xffffu) | (on.g & 0xffff0000u), (on.b & 0xffffu) | (on.a & 0xffff0000u));
+uvec4 channel_bits(const uint format, const uint mask) {
+    uvec4 on = -uvec4(mask & 1u, (mask >> 1) & 1u, (mask >> 2) & 1u, (mask >> 3) & 1u), h = on & 0xffffu;
+    if (packing_of(format) == PACKING_BITS16) return uvec4(h.r | h.g << 16, h.b | h.a << 16, 0u, 0u);
+    return uvec4(pack_bytes(format, on & 0xffu), 0u, 0u, 0u);
+}
+
+// The words of a texel, of the bits of what a shader writes. Words beyond those of the format hold anything.
+uvec4 color_encode(const uint format, const uvec4 bits) {
+    vec4 c = uintBitsToFloat(bits);
+    if (packing_of(format) == PACKING_BITS16) {
+        uvec4 h = small_floats(c, uvec4(10u)) | ((bits >> 16) & 0x8000u);
+        return uvec4(h.r | h.g << 16, h.b | h.a << 16, 0u, 0u);
     }
-    return uvec2((on.r & 0xffu) | (on.g & 0xff00u) | (on.b & 0xff0000u) | (on.a & 0xff000000u), 0u);
+    c = saturate(c);
+    if (numeric_of(format) == NUMERIC_SRGB) c.rgb = srgb_encode(c.rgb);
+    // Floats from 2^23 on are whole numbers: adding 2^23 rounds to the nearest of them, ties to even.
+    return uvec4(pack_bytes(format, floatBitsToUint(c * 255.0 + 8388608.0) & 0xffu), 0u, 0u, 0u);
 }
 
-// The words of a texel; 8-bit formats use the first only.
-uvec2 color_encode(const uint format, const vec4 c) {
-    if (format == FORMAT_RGBA16_FLOAT) return uvec2(packHalf2x16(c.rg), packHalf2x16(c.ba));
-    vec4 s = saturate(c);
-    if (format == FORMAT_RGBA8_SRGB) s.rgb = srgb_encode(s.rgb);
-    return uvec2(pack_unorm8(s), 0u);
-}
-
-vec4 color_decode(const uint format, const uvec2 w) {
-    if (format == FORMAT_RGBA16_FLOAT) return vec4(unpackHalf2x16(w.x), unpackHalf2x16(w.y));
-    vec4 c = unpack_unorm8(w.x);
-    if (format == FORMAT_RGBA8_SRGB) c.rgb = srgb_decode(c.rgb);
+// The colour of a texel.
+vec4 color_decode(const uint format, const uvec4 words) {
+    if (packing_of(format) == PACKING_BITS16) {
+        uvec4 h = (words.xxyy >> uvec4(0u, 16u, 0u, 16u)) & 0xffffu;
+        vec4 c = from_small_floats(h & 0x7fffu, uvec4(10u));
+        return uintBitsToFloat(floatBitsToUint(c) | ((h & 0x8000u) << 16));
+    }
+    vec4 c = vec4((words.xxxx >> uvec4(0u, 8u, 16u, 24u)) & 0xffu) * (1.0 / 255.0);
+    if (packing_of(format) == PACKING_BGRA8) c = c.bgra;
+    if (numeric_of(format) == NUMERIC_SRGB) c.rgb = srgb_decode(c.rgb);
     return c;
 }
+#endif
 #endif

@@ -22,9 +22,11 @@ mod state;
 use std::fmt::Write as _;
 
 /// The modules that share constants with GLSL, with the name and the number of each constant.
-fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 9] {
+fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 11] {
     [
         ("abi", abi::CONSTANTS),
+        ("format", format::Numeric::NUMBERS),
+        ("format", format::Packing::NUMBERS),
         ("format", format::Format::NUMBERS),
         ("format", format::Component::NUMBERS),
         ("state", state::Topology::NUMBERS),
@@ -61,7 +63,7 @@ pub fn assertions() -> String {
 }
 
 /// The macro of a constant or of an enum's variant: `BLEND_FACTOR_SRC_ALPHA` for `BlendFactor::SrcAlpha`.
-fn macro_name(name: &str) -> String {
+pub fn macro_name(name: &str) -> String {
     let mut text = String::new();
     let mut before = '_';
     for c in name.replace("::", "_").chars() {

@@ -4,6 +4,7 @@
 //! Every machine makes the same files: the compiler is bundled as source, in one version. The test below
 //! proves that the files in the repository are those.
 
+use engine::Colors;
 use rspirv::{binary::Assemble, dr::Module};
 use std::{
     cell::RefCell,
@@ -82,8 +83,8 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
             );
             files.insert("layout.rs".into(), all.into_bytes());
         } else {
-            for colors in [1, constants::abi::MAX_COLORS] {
-                let all = format!("{defines}{}", engine::colors(colors));
+            for colors in Colors::all(constants::abi::MAX_COLORS) {
+                let all = format!("{defines}{}", colors.macros());
                 let mut module = load(&name, &compile(&name, &text, "comp", &all)?)?;
                 engine::forbid_contraction(&mut module);
                 engine::number_constants(&mut module, constants::abi::SPEC_FIRST);
@@ -111,9 +112,11 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     Ok(files)
 }
 
-/// The name of the kernel of the file `name` for so many colour targets.
-fn variant(name: &str, colors: u32) -> String {
-    if colors == 1 { name.into() } else { format!("{colors}-{name}") }
+/// The name of the kernel of the file `name` for such colour targets.
+fn variant(name: &str, colors: Colors) -> String {
+    let any = if colors.any_format { "any-" } else { "" };
+    let most = if colors.most == 1 { String::new() } else { format!("{}-", colors.most) };
+    format!("{any}{most}{name}")
 }
 
 /// A list of the files that kernels are made of, for the library.

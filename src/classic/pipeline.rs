@@ -284,6 +284,15 @@ fn create(
         .depth_test_enable(variant.depth && pipeline.depth.test)
         .depth_write_enable(variant.depth && pipeline.depth.test && pipeline.depth.write)
         .depth_compare_op(compare_op(pipeline.depth.compare));
+    for (n, &format) in variant.colors.iter().enumerate() {
+        if pipeline.color_state(n).blend.is_some() && !gpu.0.blends_in(format) {
+            return Err(Error::Device(format!(
+                "pipeline `{}`, colour target {n}: {} itself blends in no target of {format:?}; the compute executor does",
+                pipeline.label,
+                gpu.info().name
+            )));
+        }
+    }
     let states = (0..variant.colors.len()).map(|target| blend_state(pipeline.color_state(target)));
     let blend_attachments: Vec<_> = states.collect();
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blend_attachments);

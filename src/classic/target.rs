@@ -6,7 +6,10 @@ use crate::{
     image::{self, Extent},
     pass::Pass,
     target::{LoadOp, StoreOp},
-    vk::{Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Subresource},
+    vk::{
+        Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Subresource,
+        clear_color,
+    },
 };
 use ash::vk;
 
@@ -42,7 +45,7 @@ impl Targets {
     /// Those of `pass`, which is valid.
     pub fn new(gpu: &Gpu, pass: &Pass) -> Result<Self> {
         let colors = pass.colors.iter().map(|color| {
-            let value = |float32| vk::ClearValue { color: vk::ClearColorValue { float32 } };
+            let value = |color| vk::ClearValue { color: clear_color(color) };
             let begin = Begin::new(gpu, &color.load, value)?;
             let info = info("colour target", pass.extent, color.format);
             let place = color.image.as_ref().map(|image| (image, color.subresource()));
@@ -182,11 +185,9 @@ impl Target {
     }
 
     fn layout(&self) -> vk::ImageLayout {
-        match self.image.format() {
-            Format::D32Float => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
-            Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
-                vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL
-            }
+        match self.image.format().is_depth() {
+            true => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
+            false => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
         }
     }
 }

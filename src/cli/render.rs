@@ -11,8 +11,8 @@ use super::{
 use crate::{
     bench, classic, compute,
     error::Result,
-    format::Format,
-    image::{Picture, texel_rgba8},
+    image::{Extent, Picture},
+    target::ClearColor,
     vk::{Gpu, Timings},
 };
 use serde_json::{Value, json};
@@ -37,7 +37,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
         draw(&gpu, plan.backend, &scene_view, &mut clock)?
     };
     clock.lap("read_back");
-    let clear = scene_view.pass.colors[0].load.clear_value().unwrap_or_default();
+    let clear = scene_view.pass.colors[0].load.clear_value();
     if !scene_view.pass.draws.is_empty() && is_blank(&color, depth.as_ref(), clear) {
         messages::line("warning: nothing of the scene is visible: the picture is all background");
     }
@@ -107,24 +107,21 @@ fn is_one_color(color: &Picture) -> bool {
 
 /// Whether every pixel is as the clear left it: of the colour `clear`, and with no depth in front of the far
 /// plane. Blended surfaces leave no depth, so depth alone does not tell.
-fn is_blank(color: &Picture, depth: Option<&Picture>, clear: [f32; 4]) -> bool {
+fn is_blank(color: &Picture, depth: Option<&Picture>, clear: Option<ClearColor>) -> bool {
     let far = 1f32.to_ne_bytes();
     is_one_color(color)
         && is_first_texel(color, clear)
         && depth.is_none_or(|depth| depth.bytes.chunks(4).all(|pixel| pixel == far))
 }
 
-/// Whether the picture's first pixel shows the linear colour `clear`.
-fn is_first_texel(color: &Picture, clear: [f32; 4]) -> bool {
-    let format = match color.format {
-        Format::Rgba16Float => Format::Rgba8Srgb,
-        format => format,
-    };
-    let (Ok(shown), Some(clear)) = (color.display_rgba8(), texel_rgba8(format, clear)) else {
+/// Whether the picture's first pixel shows the colour `clear`.
+fn is_first_texel(color: &Picture, clear: Option<ClearColor>) -> bool {
+    let clear = Picture::filled(Extent::new(1, 1), color.format, clear.unwrap_or([0.0; 4].into()));
+    let (Ok(shown), Ok(clear)) = (color.display_rgba8(), clear.display_rgba8()) else {
         return true;
     };
-    // Drivers and half floats may round to the neighbour.
-    shown.iter().zip(clear).all(|(shown, clear)| shown.abs_diff(clear) <= 1)
+    // Drivers may round to the neighbour.
+    shown.iter().zip(clear.iter()).all(|(shown, clear)| shown.abs_diff(*clear) <= 1)
 }
 
 /// Device time of each stage, in the order of first appearance, summed over batches.

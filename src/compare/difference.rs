@@ -115,8 +115,13 @@ fn color_deltas(a: &Frame, b: &Frame) -> Result<Vec<u8>> {
     Ok(deltas)
 }
 
-/// Per pixel, the largest difference of a channel in 8 bits.
+/// Per pixel, the largest difference of a channel in 8 bits. Integers are equal, or differ by as much as can be.
 pub(super) fn channel_deltas(a: &Picture, b: &Picture) -> Result<Vec<u8>> {
+    if a.format.is_integer() {
+        let texel = a.format.texel_bytes();
+        let texels = a.bytes.chunks_exact(texel).zip(b.bytes.chunks_exact(texel));
+        return Ok(texels.map(|(a, b)| if a == b { 0 } else { u8::MAX }).collect());
+    }
     let (a, b) = (a.display_rgba8()?, b.display_rgba8()?);
     Ok(a.chunks_exact(4)
         .zip(b.chunks_exact(4))

@@ -280,7 +280,7 @@ mod tests {
         );
         let ids = id_pass(&pass).unwrap().pass;
         assert_eq!(ids.colors[0].format, Format::Rgba8Unorm);
-        assert_eq!(ids.colors[0].load, LoadOp::Clear([0.0; 4]));
+        assert_eq!(ids.colors[0].load, LoadOp::clear([0.0; 4]));
         assert!(ids.pipelines[0].colors.is_empty() && ids.pipelines[0].depth.write);
         assert!(!ids.pipelines[1].depth.write, "what was opaque keeps its depth state");
     }

@@ -4,14 +4,18 @@
 //! At the beginning, rows are cleared, or copied from the target's image or from a picture. At the end, they are copied
 //! to the image.
 
-use super::{clear, target::Target};
+use super::{
+    clear,
+    narrow::{self, Way},
+    target::Target,
+};
 use crate::{
     abi,
     error::{Error, Result},
     format::Format,
     grid::Grid,
     pass::Pass,
-    target::{LoadOp, StoreOp},
+    target::{ClearColor, LoadOp, StoreOp},
     vk::{Arena, Buffer, Gpu, Image, Kernel, Recorder, Subresource},
 };
 use std::ops::Range;
@@ -19,10 +23,12 @@ use std::ops::Range;
 /// The targets of a pass.
 pub struct Attachments {
     /// By number. A list of fixed length takes no memory of its own.
-    colors: [Option<Attachment<[f32; 4]>>; MAX_COLORS],
+    colors: [Option<Attachment<ClearColor>>; MAX_COLORS],
     pub depth: Option<Attachment<f32>>,
     /// Bounds that hold for any depth, one for each bin of a band, if depth is loaded.
     any_bounds: Option<Buffer<[f32; 2]>>,
+    /// Brings texels to images, or takes them from there, if there are narrow ones.
+    narrow: Option<Kernel>,
 }
 
 const MAX_COLORS: usize = abi::MAX_COLORS as usize;
@@ -41,18 +47,25 @@ pub struct Attachment<T> {
 enum Begin<T> {
     Value(T),
     Image(Image),
-    /// All rows of the target.
+    /// All rows of the target, as kernels have them.
     Picture(Buffer<u8>),
 }
 
 impl Attachments {
-    /// Those of `pass`, which is valid, with bands up to the size of `band`.
-    pub fn new(gpu: &Gpu, arena: &mut Arena, pass: &Pass, band: &Grid) -> Result<Self> {
+    /// Those of `pass`, which is valid, with bands up to the size of `band`. `narrow` makes that kernel.
+    pub fn new(
+        gpu: &Gpu,
+        arena: &mut Arena,
+        (pass, band): (&Pass, &Grid),
+        narrow: impl FnOnce() -> Result<Kernel>,
+    ) -> Result<Self> {
         let mut colors = [const { None }; MAX_COLORS];
         for (attachment, c) in colors.iter_mut().zip(&pass.colors) {
             let place = (&c.image, c.subresource());
             *attachment = Some(Attachment::new(gpu, c.format, place, &c.load, c.store)?);
         }
+        let is_narrow = colors.iter().flatten().any(Attachment::is_narrow);
+        let narrow = is_narrow.then(narrow).transpose()?;
         let depth = pass.depth.as_ref();
         let depth = depth.map(|d| {
             Attachment::new(gpu, Format::D32Float, (&d.image, d.subresource()), &d.load, d.store)
@@ -60,11 +73,11 @@ impl Attachments {
         let depth = depth.transpose()?;
         let loaded = depth.as_ref().filter(|depth| !matches!(depth.begin, Begin::Value(_)));
         let any_bounds = loaded.map(|_| arena.push(&vec![[0.0, 1.0]; band.bins() as usize]));
-        Ok(Self { colors, depth, any_bounds: any_bounds.transpose()? })
+        Ok(Self { colors, depth, any_bounds: any_bounds.transpose()?, narrow })
     }
 
     /// The colour targets, in their order.
-    pub fn colors(&self) -> impl Iterator<Item = &Attachment<[f32; 4]>> {
+    pub fn colors(&self) -> impl Iterator<Item = &Attachment<ClearColor>> {
         self.colors.iter().flatten()
     }
 
@@ -72,18 +85,29 @@ impl Attachments {
     pub fn planes(
         &self,
         band: &Grid,
-    ) -> impl Iterator<Item = (&Attachment<[f32; 4]>, Range<usize>)> {
+    ) -> impl Iterator<Item = (&Attachment<ClearColor>, Range<usize>)> {
         let (plane, pixels) = (band.plane_pixels(), band.extent.pixels());
         self.colors().scan(0, move |next, color| {
-            let (first, texel) = (*next, color.format.texel_bytes());
+            let (first, texel) = (*next, color.format.row_bytes());
             *next += plane * texel;
             Some((color, first..first + pixels * texel))
         })
     }
 
     /// Bytes of a pixel of all colour targets.
-    pub fn texel_bytes(&self) -> usize {
-        self.colors().map(|color| color.format.texel_bytes()).sum()
+    pub fn row_bytes(&self) -> usize {
+        self.colors().map(|color| color.format.row_bytes()).sum()
+    }
+
+    /// Most bytes of a pixel of a colour target that the kernel `narrow` brings to an image or takes from one.
+    pub fn narrow_bytes(&self) -> Option<usize> {
+        let narrow = self.colors().filter(|color| color.is_narrow());
+        narrow.map(|color| color.format.texel_bytes()).max()
+    }
+
+    /// The kernel that a colour target needs on the way to its image and back, if it does.
+    fn narrows(&self, color: &Attachment<ClearColor>) -> Option<&Kernel> {
+        self.narrow.as_ref().filter(|_| color.is_narrow())
     }
 
     /// Records what the rows of `target` begin with, which are those of `band`. `kernel` clears.
@@ -93,20 +117,31 @@ impl Attachments {
         kernel: &Kernel,
         (band, target): (&Grid, &Target),
     ) -> Result<()> {
-        let begin =
-            |recorder: &mut Recorder, color: &Attachment<_>, bytes: Range<usize>| match color.begin
-            {
-                Begin::Value(value) => {
-                    clear::color(recorder, kernel, target, (color.format, &bytes), value)
+        let begin = |recorder: &mut Recorder, color: &Attachment<_>, bytes: Range<usize>| {
+            let rows = || target.color.cast()?.slice(bytes.clone());
+            match (&color.begin, self.narrows(color), target.texels.as_ref()) {
+                (Begin::Value(value), ..) => {
+                    clear::color(recorder, kernel, target, (color.format, &bytes), *value)
                 }
-                _ => color.load(recorder, band, &target.color.cast()?.slice(bytes)?),
-            };
-        // All of them have one buffer, which the clear binds as a whole: only one goes at the same time as depth.
-        for (color, bytes) in self.planes(band).skip(1) {
-            begin(recorder, color, bytes)?;
+                (Begin::Image(_), Some(narrow), Some(texels)) => {
+                    color.load(recorder, band, &texels.cast()?)?;
+                    let rows = (&target.color, bytes.start / 4);
+                    let way = (Way::ToRows, band.extent.pixels());
+                    narrow::record(recorder, narrow, rows, (color.format, texels), way)
+                }
+                _ => color.load(recorder, band, &rows()?),
+            }
+        };
+        // All of them have one buffer, which kernels bind as a whole: only one goes at the same time as depth, if a single
+        // command brings its rows to what they begin with.
+        let goes_alone = |color: &Attachment<_>| self.narrows(color).is_some();
+        for (n, (color, bytes)) in self.planes(band).enumerate() {
+            if n > 0 || goes_alone(color) {
+                begin(recorder, color, bytes)?;
+            }
         }
         recorder.group(|recorder| {
-            if let Some((color, bytes)) = self.planes(band).next() {
+            if let Some((color, bytes)) = self.planes(band).next().filter(|(c, _)| !goes_alone(c)) {
                 begin(recorder, color, bytes)?;
             }
             match (&self.depth, &self.any_bounds) {
@@ -129,7 +164,15 @@ impl Attachments {
     /// Records what becomes of the rows of `target`, which are those of `band` and complete.
     pub fn end(&self, recorder: &mut Recorder, (band, target): (&Grid, &Target)) -> Result<()> {
         for (color, bytes) in self.planes(band) {
-            color.store(recorder, band, &target.color.cast()?.slice(bytes)?)?;
+            match (self.narrows(color), &target.texels) {
+                (Some(narrow), Some(texels)) if color.is_stored() => {
+                    let rows = (&target.color, bytes.start / 4);
+                    let way = (Way::FromRows, band.extent.pixels());
+                    narrow::record(recorder, narrow, rows, (color.format, texels), way)?;
+                    color.store(recorder, band, &texels.cast()?)?;
+                }
+                _ => color.store(recorder, band, &target.color.cast()?.slice(bytes)?)?,
+            }
         }
         if let Some(depth) = &self.depth {
             depth.store(recorder, band, &target.depth.cast()?)?;
@@ -153,7 +196,14 @@ impl<T: Copy> Attachment<T> {
         let begin = match (load, image) {
             (LoadOp::Clear(value), _) => Begin::Value(*value),
             (LoadOp::Picture(picture), _) => {
-                Begin::Picture(Buffer::with_content(gpu, "picture to begin with", &picture.bytes)?)
+                let name = "picture to begin with";
+                Begin::Picture(match narrow::is_narrow(format) {
+                    true => {
+                        let rows = narrow::widened(format, &picture.bytes);
+                        Buffer::with_content(gpu, name, &rows)?.cast()?
+                    }
+                    false => Buffer::with_content(gpu, name, &picture.bytes)?,
+                })
             }
             (LoadOp::Load, Some(image)) => Begin::Image(image.clone()),
             (LoadOp::Load, None) => {
@@ -161,6 +211,11 @@ impl<T: Copy> Attachment<T> {
             }
         };
         Ok(Self { begin, format, image: image.clone(), subresource, store })
+    }
+
+    /// Whether its texels have fewer bytes in its image than in the rows.
+    fn is_narrow(&self) -> bool {
+        self.image.is_some() && narrow::is_narrow(self.format)
     }
 
     /// Whether the host reads the rows.
@@ -182,7 +237,7 @@ impl<T: Copy> Attachment<T> {
             }
             Begin::Picture(picture) => {
                 let Grid { origin_y, extent, .. } = *band;
-                let first = origin_y as usize * extent.width as usize * self.format.texel_bytes();
+                let first = origin_y as usize * extent.width as usize * self.format.row_bytes();
                 recorder.copy(&picture.slice(first..first + rows.len())?, rows)
             }
         }

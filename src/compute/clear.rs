@@ -8,30 +8,39 @@ use crate::{
     abi::{self, Clear},
     error::Result,
     format::Format,
-    grid, image,
+    grid,
+    image::texel,
+    target::ClearColor,
     vk::{Kernel, Recorder},
 };
 use std::ops::Range;
 
-/// Clears the colour target of this format to `color`, linear RGBA. It has the `bytes` of the colour of the band.
+/// Clears the colour target of this format. It has the `bytes` of the colour of the band.
 pub fn color(
     recorder: &mut Recorder,
     kernel: &Kernel,
     target: &Target,
     (format, bytes): (Format, &Range<usize>),
-    color: [f32; 4],
+    color: ClearColor,
 ) -> Result<()> {
-    if let Some(texel) = image::texel_rgba8(format, color) {
+    let texel = texel::encode(format, color);
+    let texels = match format.row_bytes() {
+        4 => [texel[0]; 4],
+        8 => [texel[0], texel[1], texel[0], texel[1]],
+        _ => texel,
+    };
+    if texels == [texels[0]; 4] {
         let words = target.color.slice(bytes.start / 4..bytes.end / 4)?;
-        return recorder.fill(&words, u32::from_le_bytes(texel));
+        return recorder.fill(&words, texels[0]);
     }
-    let (pixels, first) = (target.depth.len() as u32, (bytes.start / format.texel_bytes()) as u32);
-    let lanes = abi::GROUP * abi::CLEAR_PIXELS;
+    // A plane has room for whole times four words (`abi::PLANE_PIXELS`).
+    let (first, count) = ((bytes.start / 16) as u32, bytes.len().div_ceil(16) as u32);
+    let lanes = abi::GROUP * abi::CLEAR_ROUNDS;
     recorder
         .kernel(kernel)
-        .bind("Color", &target.color.cast::<[u32; 2]>()?)
-        .push(&Clear { color, pixels, first })
-        .dispatch(grid::groups(pixels, lanes))
+        .bind("Color", &target.color.cast::<[u32; 4]>()?)
+        .push(&Clear { texels, count, first })
+        .dispatch(grid::groups(count, lanes))
 }
 
 /// Clears depth to `depth`, and the bounds of the bins with it.

@@ -135,7 +135,7 @@ fn wanted(
 ) -> Result<Vec<KernelRequest>> {
     pipeline.validate()?;
     check_color_targets(colors.len())
-        .and_then(|()| check_outputs(&pipeline.fragment, colors.len()))
+        .and_then(|()| check_outputs(pipeline, colors.iter().copied()))
         .map_err(|fault| Error::Usage(format!("pipeline `{}`: {fault}", pipeline.label)))?;
     if let Some(format) = depth.filter(|format| *format != Format::D32Float) {
         return Err(Error::Usage(format!("{format:?} is no format of a depth target")));

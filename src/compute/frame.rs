@@ -131,10 +131,11 @@ impl Setup {
         copies: Copies,
     ) -> Result<Setup> {
         // The first band is the largest.
-        let mut bands = Grid::bands(pass.extent, pass.color_bytes());
+        let mut bands = Grid::bands(pass.extent, pass.row_bytes());
         let band = bands.next().expect("a target has a band");
         let capacities = plan.capacities();
-        let attachments = Attachments::new(gpu, workspace.arena, pass, &band)?;
+        let attachments =
+            Attachments::new(gpu, workspace.arena, (pass, &band), || kernels.narrow())?;
         let fragment_kernels =
             plan.batches.iter().map(|b| b.fragment_kernels.len()).max().unwrap_or(1);
         let vertices = capacities.vertices as usize;
@@ -179,7 +180,7 @@ impl Setup {
 
     /// The bands of the targets.
     pub fn bands(&self) -> impl Iterator<Item = Grid> + use<> {
-        Grid::bands(self.extent, self.attachments.texel_bytes())
+        Grid::bands(self.extent, self.attachments.row_bytes())
     }
 
     /// Memory for the rows of `band`.

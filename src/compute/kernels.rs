@@ -9,6 +9,7 @@ use crate::{
     format::Format,
     kept::Kept,
     plan::{BatchPlan, KernelKey, Method, Plan},
+    target::check_color_format,
     vk::{Kernel, generate_code},
 };
 use std::{collections::HashSet, sync::Arc};
@@ -68,11 +69,9 @@ pub type ColorFormats = u64;
 /// # Errors
 /// [`Error::Usage`] for a format that holds no colours.
 pub fn color_formats(colors: impl DoubleEndedIterator<Item = Format>) -> Result<ColorFormats> {
-    colors.rev().try_fold(ColorFormats::MAX, |formats, format| match format {
-        Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
-            Ok(formats << 8 | format as ColorFormats)
-        }
-        Format::D32Float => Err(Error::Usage("D32Float is no format of a colour target".into())),
+    colors.rev().try_fold(ColorFormats::MAX, |formats, format| {
+        check_color_format(format).map_err(Error::Usage)?;
+        Ok(formats << 8 | format as ColorFormats)
     })
 }
 
@@ -112,6 +111,15 @@ impl Kernels {
             generate_code(&self.maker.gpu, plain.iter().chain(&all))?;
         }
         Ok(all)
+    }
+
+    /// The kernel that brings narrow texels to images and takes them from there.
+    ///
+    /// # Errors
+    /// As [`Kernels::make`].
+    pub fn narrow(&mut self) -> Result<Kernel> {
+        self.make([KernelRequest::Narrow])?;
+        Ok(self.made.get(&KernelRequest::Narrow).expect("it was made").clone())
     }
 
     /// The kernels without users' shaders, if nobody has had their code generated yet.

@@ -4,8 +4,12 @@ use super::{kernels::ColorFormats, sources::Sources, vertex};
 use crate::{
     abi,
     error::Result,
+    format::Format,
     plan::KernelKey,
-    shader::splice::{Blocks, Derivatives, SpliceOptions, splice},
+    shader::{
+        Colors,
+        splice::{Blocks, Derivatives, SpliceOptions, splice},
+    },
     state::Compare,
     vk::{DeviceKind, Gpu, Kernel, KernelInfo},
 };
@@ -19,6 +23,8 @@ use std::{
 pub enum KernelRequest {
     /// Raster with a depth comparison, and whether there may be a depth bias.
     Raster(Compare, bool),
+    /// Between rows and narrow texels.
+    Narrow,
     /// Vertex shading.
     Vertex(Arc<KernelKey>),
     /// Shading of opaque work into colour targets of these formats.
@@ -100,6 +106,10 @@ impl Maker {
                 let words = self.sources.words("raster.comp");
                 return self.kernel(&self.wide("raster", words, &constants));
             }
+            KernelRequest::Narrow => {
+                let words = self.sources.words("narrow.comp");
+                return self.kernel(&KernelInfo::new("narrow", words));
+            }
             KernelRequest::Vertex(key) => {
                 let words = self.sources.words("vertex.comp");
                 ("vertex", words, key, vec![("LANES", vertex::lanes(width))])
@@ -168,10 +178,23 @@ impl Maker {
     }
 }
 
-/// The number of targets.
-fn targets(formats: ColorFormats) -> usize {
-    formats.to_le_bytes().iter().filter(|&&format| u32::from(format) != abi::NO_FORMAT).count()
+/// What a kernel for these targets is compiled for.
+fn targets(formats: ColorFormats) -> Colors {
+    let formats = formats.to_le_bytes().map(u32::from);
+    let there = || formats.iter().filter(|format| **format != abi::NO_FORMAT);
+    let is_common = |format: &u32| COMMON.iter().any(|common| *common as u32 == *format);
+    let most = if there().count() > 1 { abi::MAX_COLORS } else { 1 };
+    Colors { most, any_format: !there().all(is_common) }
 }
+
+/// The formats that `lib/color.glsl` knows without `lib/any_color.glsl`.
+const COMMON: [Format; 5] = [
+    Format::Rgba8Unorm,
+    Format::Rgba8Srgb,
+    Format::Bgra8Unorm,
+    Format::Bgra8Srgb,
+    Format::Rgba16Float,
+];
 
 /// As two specialization constants.
 fn halves(formats: ColorFormats) -> [u32; 2] {

@@ -33,6 +33,7 @@ mod encoder;
 mod frame;
 mod kernels;
 mod maker;
+mod narrow;
 mod ordered;
 mod prepared;
 mod primitive;

@@ -2,6 +2,7 @@
 
 use super::{
     attach::{Attachment, Attachments},
+    narrow,
     target::Target,
 };
 use crate::{
@@ -119,10 +120,13 @@ impl Results {
         let (extent, format) = (self.extent, attachment.format);
         let (mut bytes, wanted) = (Vec::new(), extent.pixels() * format.texel_bytes());
         bytes.try_reserve_exact(wanted).map_err(|_| no_memory("the picture", wanted as u64))?;
-        let bands = Grid::bands(extent, self.attachments.texel_bytes());
+        let bands = Grid::bands(extent, self.attachments.row_bytes());
         for rows in self.targets.iter().zip(bands).filter_map(|(target, band)| rows(target, &band))
         {
-            rows?.append_to(&mut bytes)?;
+            match narrow::is_narrow(format) {
+                true => narrow::append(format, &rows?.cast()?.read()?, &mut bytes),
+                false => rows?.append_to(&mut bytes)?,
+            }
         }
         Ok(Picture { extent, format, bytes })
     }

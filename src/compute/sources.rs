@@ -3,7 +3,7 @@
 use crate::{
     error::{Error, Result},
     prebuilt::{self, FILES, KERNELS},
-    shader::{check_text, compile_stage, engine_colors, splice::check_hooks},
+    shader::{Colors, check_text, compile_stage, splice::check_hooks},
 };
 use std::{cell::RefCell, collections::BTreeSet};
 
@@ -17,8 +17,8 @@ const SHARED: &str = "abi.glsl";
 /// The words of all kernels.
 #[derive(Default)]
 pub struct Sources {
-    /// The kernels whose text the user changed: file, most colour targets, words.
-    own: Vec<(&'static str, u32, Vec<u32>)>,
+    /// The kernels whose text the user changed: file, colour targets, words.
+    own: Vec<(&'static str, Colors, Vec<u32>)>,
 }
 
 impl Sources {
@@ -68,9 +68,9 @@ impl Sources {
                 )));
             }
         }
-        let compile = |&(kernel, colors): &(&'static str, u32)| {
+        let compile = |&(kernel, colors): &(&'static str, Colors)| {
             let text = read(kernel).unwrap_or_default();
-            let defines = format!("{}{}", prebuilt::DEFINES, engine_colors(colors));
+            let defines = format!("{}{}", prebuilt::DEFINES, colors.macros());
             let words = compile_stage(kernel, &text, &defines, &read)?;
             let built = KERNELS.iter().find(|(name, most, _)| (*name, *most) == (kernel, colors));
             let built = built.expect("it is changed").2;
@@ -85,14 +85,14 @@ impl Sources {
         self.own.is_empty()
     }
 
-    /// The words of the kernel that the file `name` is, for one colour target.
+    /// The words of the kernel that the file `name` is, which does not ask for colour targets.
     pub fn words(&self, name: &str) -> &[u32] {
-        self.words_for(name, 1)
+        self.words_for(name, Colors::ONE)
     }
 
-    /// As [`Sources::words`], for so many colour targets.
-    pub fn words_for(&self, name: &str, colors: usize) -> &[u32] {
-        let is = |kernel: &str, most: u32| kernel == name && (most == 1) == (colors <= 1);
+    /// As [`Sources::words`], for such colour targets.
+    pub fn words_for(&self, name: &str, colors: Colors) -> &[u32] {
+        let is = |kernel: &str, of_kernel: Colors| kernel == name && of_kernel == colors;
         let own = self.own.iter().find(|(kernel, most, _)| is(kernel, *most));
         let built = || KERNELS.iter().find(|(kernel, most, _)| is(kernel, *most));
         let built = || built().map(|(_, _, words)| *words);

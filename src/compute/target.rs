@@ -18,6 +18,8 @@ use bytemuck::Pod;
 pub struct Target {
     /// Words of pixels, one target after the other ([`Attachments::planes`]).
     pub color: Buffer<u32>,
+    /// Texels of one target at a time, on their way to an image or from one, if there are narrow ones.
+    pub texels: Option<Buffer<u32>>,
     /// Depth of pixels.
     pub depth: Buffer<f32>,
     /// The least and the greatest depth that a bin may hold, as the batches of opaque work that follow
@@ -39,13 +41,17 @@ impl Target {
     ) -> Result<Self> {
         let pixels = band.extent.pixels();
         // A buffer without elements cannot be bound.
-        let words = (band.plane_pixels() * attachments.texel_bytes() / 4).max(1);
+        let words = (band.plane_pixels() * attachments.row_bytes() / 4).max(1);
         let is_read = attachments.colors().any(Attachment::is_read);
+        let texels = attachments.narrow_bytes().map(|texel_bytes| {
+            scratch.get(gpu, "narrow texels", (pixels * texel_bytes).div_ceil(4))
+        });
         let (color, host_color) = rows(gpu, scratch, "color", words, is_read)?;
         let is_read = attachments.depth.as_ref().is_some_and(Attachment::is_read);
         let (depth, host_depth) = rows(gpu, scratch, "depth", pixels, is_read)?;
         let bin_bounds = scratch.get(gpu, "bounds of bins", band.bins() as usize)?;
-        Ok(Self { color, depth, bin_bounds, host_color, host_depth })
+        let texels = texels.transpose()?;
+        Ok(Self { color, texels, depth, bin_bounds, host_color, host_depth })
     }
 
     /// Brings colour to the host, where that takes anything.

@@ -10,10 +10,9 @@ pub(crate) use targets::check_color_targets;
 use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline, StepRate};
 use crate::{
     error::{Error, Result},
-    format::Format,
     image::Shape,
     kept::ByIdentity,
-    shader::{Resource, ResourceKind},
+    shader::{Resource, ResourceKind, Scalar},
     state::{DepthBias, Rect, Viewport},
     texture::Texture,
     vk,
@@ -52,7 +51,9 @@ impl Pass {
         for pipeline in &self.pipelines {
             let found = known.resources(pipeline);
             found
-                .and_then(|()| pipeline::check_outputs(&pipeline.fragment, self.colors.len()))
+                .and_then(|()| {
+                    pipeline::check_outputs(pipeline, self.colors.iter().map(|c| c.format))
+                })
                 .map_err(|fault| named(format!("pipeline `{}`", pipeline.label), fault))?;
         }
         for (n, draw) in self.draws.iter().enumerate() {
@@ -299,7 +300,14 @@ fn check_sampling(binding: &Binding, resource: &Resource) -> Fault {
                 "the image is {image} in the shader; texture `{label}` is `Shape::{shape:?}`"
             ));
         }
-        if resource.compares && texture.format() != Format::D32Float {
+        let (reads, holds) = (image.texel, Scalar::of(texture.format()));
+        if reads != holds {
+            return Err(format!(
+                "the shader reads {reads}; texture `{label}` is {:?}, from which shaders read {holds}",
+                texture.format()
+            ));
+        }
+        if resource.compares && !texture.format().is_depth() {
             return Err(format!(
                 "the shader compares with depths (sampler2DShadow and relatives); texture `{label}` holds colours"
             ));

@@ -60,7 +60,7 @@ pub fn first_difference(pass: &Pass, trace: &Trace) -> Option<String> {
     if let Some(vertex) = trace.positions.contradiction() {
         return Some(format!("vertex: {vertex} has several positions"));
     }
-    let bands: Vec<Grid> = Grid::bands(pass.extent, pass.color_bytes()).collect();
+    let bands: Vec<Grid> = Grid::bands(pass.extent, pass.row_bytes()).collect();
     if bands.len() != trace.bands.len() {
         return Some(format!("{} bands against {}", trace.bands.len(), bands.len()));
     }

@@ -37,9 +37,32 @@ pub fn forbid_contraction(module: &mut Module) {
     module.annotations.extend(exact);
 }
 
-/// The macro that a kernel is compiled with if it writes up to so many colour targets.
-pub fn colors(count: u32) -> String {
-    format!("#define COLORS {count}\n")
+/// The colour targets that a kernel is compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Colors {
+    /// How many there may be.
+    pub most: u32,
+    /// Whether they may have any format, or one of the common ones.
+    pub any_format: bool,
+}
+
+impl Colors {
+    /// What kernels are compiled for that do not ask.
+    #[allow(dead_code)] // for the library
+    pub const ONE: Self = Self { most: 1, any_format: false };
+
+    /// All of them, with up to `most` targets.
+    #[allow(dead_code)] // for the tool
+    pub fn all(most: u32) -> [Self; 4] {
+        [(1, false), (most, false), (1, true), (most, true)]
+            .map(|(most, any_format)| Self { most, any_format })
+    }
+
+    /// The macros that a kernel is compiled with.
+    pub fn macros(self) -> String {
+        let any = if self.any_format { "#define ANY_FORMAT\n" } else { "" };
+        format!("#define COLORS {}\n{any}", self.most)
+    }
 }
 
 /// Adds `first` to the `constant_id` of each specialization constant, which has room for it.

@@ -20,6 +20,7 @@ mod reach;
 mod reflect;
 mod resource;
 mod sampling;
+mod scalar;
 pub mod splice;
 mod stored;
 #[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
@@ -45,10 +46,11 @@ pub(crate) mod testing {
 }
 
 use crate::{Error, Result, abi, format::Format, image::Shape, load_spirv::load};
-pub(crate) use engine::colors as engine_colors;
+pub(crate) use engine::Colors;
 pub use file::FileOptions;
 pub(crate) use resource::ResourceArray;
 use rspirv::binary::Assemble as _;
+pub use scalar::Scalar;
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -145,28 +147,6 @@ impl fmt::Display for ResourceKind {
             Self::Texture => "an image without a sampler",
             Self::Sampler => "a sampler",
             Self::StorageImage => "a storage image",
-        })
-    }
-}
-
-/// The type of a texel or of a component, as a shader sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Scalar {
-    /// A 32-bit float.
-    Float,
-    /// A signed 32-bit integer.
-    Int,
-    /// An unsigned 32-bit integer.
-    Uint,
-}
-
-/// As GLSL calls it.
-impl fmt::Display for Scalar {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Float => "float",
-            Self::Int => "int",
-            Self::Uint => "uint",
         })
     }
 }

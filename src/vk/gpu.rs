@@ -229,23 +229,6 @@ impl Shared {
         }
     }
 
-    /// Whether graphics pipelines read vertex attributes of this format.
-    pub fn reads_vertices_as(&self, format: vk::Format) -> bool {
-        let raw = &self.instance.raw;
-        // SAFETY: the physical device belongs to the instance.
-        let found = unsafe { raw.get_physical_device_format_properties(self.physical, format) };
-        found.buffer_features.contains(vk::FormatFeatureFlags::VERTEX_BUFFER)
-    }
-
-    /// Whether samplers may filter images of this format linearly.
-    pub fn filters(&self, format: vk::Format) -> bool {
-        let raw = &self.instance.raw;
-        // SAFETY: the physical device belongs to the instance.
-        let found = unsafe { raw.get_physical_device_format_properties(self.physical, format) };
-        let filter = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
-        found.optimal_tiling_features.contains(filter)
-    }
-
     /// Names a Vulkan object for the validation layer's messages and for captures.
     pub fn set_name<H: vk::Handle>(&self, handle: H, name: &str) {
         let Some(debug) = self.debug.as_ref().filter(|_| self.names) else { return };

@@ -58,6 +58,7 @@ mod edit;
 mod enable;
 pub(crate) mod error;
 mod features;
+mod format;
 mod gpu;
 mod image;
 mod inherited;
@@ -107,9 +108,9 @@ pub use table_sizes::TableSizes;
 
 pub(crate) use capability::missing_feature;
 pub(crate) use commands::{Commands, Unfinished};
+pub(crate) use format::{clear_color, vk_format};
 pub(crate) use image::Subresource;
 #[cfg(feature = "cli")]
 pub(crate) use inherited::stdout_was_closed;
-pub(crate) use raw_image::vk_format;
 pub(crate) use sampler::compare_op;
 pub(crate) use warm::generate_code;

@@ -2,6 +2,7 @@
 
 use super::{
     adopt::CallerImage,
+    format::{aspect, attachment_flag, vk_format},
     gpu::{Gpu, Shared},
     image::{ImageInfo, ImageUse, Subresource},
 };
@@ -47,7 +48,8 @@ impl RawImage {
     pub fn new(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
         let what = format!("image `{}` ({})", info.name, info.extent);
         Self::check(gpu, &what, (info.extent, info.shape, info.levels), info.format)?;
-        let attached = info.usage != ImageUse::Sampled && gpu.has_graphics();
+        let attached =
+            info.usage != ImageUse::Sampled && gpu.has_graphics() && gpu.0.draws_to(info.format);
         if attached && info.extent.width.max(info.extent.height) > gpu.limits().target_side_px {
             return Err(Error::Full(format!(
                 "{what} is larger than {} allows: targets have at most {} pixels a side",
@@ -190,7 +192,7 @@ impl RawImage {
                 "{what} cannot have {levels} levels: an image of this size has 1 to {most}"
             )));
         }
-        if format == Format::D32Float && !gpu.has_graphics() {
+        if format.is_depth() && !gpu.has_graphics() {
             return Err(Error::Device(format!(
                 "{what} cannot be made on {}, which has no queue that both draws and computes: depth images need one",
                 gpu.name()
@@ -247,8 +249,15 @@ impl RawImage {
     /// The view of a subresource that the device draws to, which is made if there is none yet.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the image was not created for that; [`Error::Full`] without room for a view.
+    /// [`Error::Device`] if the device draws to no image of this format; [`Error::Usage`] if the image was not created for
+    /// that; [`Error::Full`] without room for a view.
     pub fn target_view(&self, subresource: Subresource) -> Result<vk::ImageView> {
+        if !self.gpu.draws_to(self.format) {
+            return Err(Error::Device(format!(
+                "image `{}`: {} itself draws to no image of {:?}; the compute executor does",
+                self.name, self.gpu.info.name, self.format
+            )));
+        }
         self.check_flags(attachment_flag(self.format), "drawn to by the device itself")?;
         if self.adopted && matches!(self.shape, Shape::D3(_)) {
             return Err(Error::Usage(format!(
@@ -326,19 +335,10 @@ impl RawImage {
         Ok(())
     }
 
-    pub fn aspect(&self) -> vk::ImageAspectFlags {
-        match self.format {
-            Format::D32Float => vk::ImageAspectFlags::DEPTH,
-            Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
-                vk::ImageAspectFlags::COLOR
-            }
-        }
-    }
-
     /// All levels and layers.
     pub fn range(&self) -> vk::ImageSubresourceRange {
         vk::ImageSubresourceRange::default()
-            .aspect_mask(self.aspect())
+            .aspect_mask(aspect(self.format))
             .level_count(self.levels)
             .layer_count(self.shape.layers())
     }
@@ -346,7 +346,7 @@ impl RawImage {
     /// All layers of one level.
     pub fn layers(&self, level: u32) -> vk::ImageSubresourceLayers {
         vk::ImageSubresourceLayers::default()
-            .aspect_mask(self.aspect())
+            .aspect_mask(aspect(self.format))
             .mip_level(level)
             .layer_count(self.shape.layers())
     }
@@ -456,24 +456,5 @@ impl Shared {
             )));
         }
         Ok(())
-    }
-}
-
-/// The usage of an image that the device draws to itself.
-fn attachment_flag(format: Format) -> vk::ImageUsageFlags {
-    match format {
-        Format::D32Float => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-        Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
-            vk::ImageUsageFlags::COLOR_ATTACHMENT
-        }
-    }
-}
-
-pub(crate) fn vk_format(format: Format) -> vk::Format {
-    match format {
-        Format::Rgba8Unorm => vk::Format::R8G8B8A8_UNORM,
-        Format::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
-        Format::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
-        Format::D32Float => vk::Format::D32_SFLOAT,
     }
 }

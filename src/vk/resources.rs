@@ -12,14 +12,12 @@ use super::{
     gpu::Gpu,
     image::{Image, ImageInfo, ImageUse},
     owner::same_device,
-    raw_image::vk_format,
     recorder::Recorder,
     recording::Recording,
     sampler::Sampler,
 };
 use crate::{
     error::{Error, Result},
-    format::Format,
     pass::{self, BufferRange},
     texture::{self, Texture},
 };
@@ -165,7 +163,7 @@ impl Resources {
     /// The upload of `texture`, and the sampler for `state` that samples it.
     ///
     /// # Errors
-    /// As [`Resources::texture`] and [`Sampler::new`]; [`Error::Device`] if the device does not filter depths linearly and
+    /// As [`Resources::texture`] and [`Sampler::new`]; [`Error::Device`] if the device does not filter the format linearly and
     /// the sampler asks for it.
     pub fn sampled(
         &mut self,
@@ -173,11 +171,9 @@ impl Resources {
         state: &texture::Sampler,
     ) -> Result<(Image, Sampler)> {
         let format = texture.format();
-        // All devices filter the formats of colours.
-        if state.is_linear() && format == Format::D32Float && !self.gpu.0.filters(vk_format(format))
-        {
+        if state.is_linear() && !self.gpu.0.filters(format) {
             return Err(Error::Device(format!(
-                "texture `{}` is sampled with a linear filter, and {} filters no depths: use the nearest texel",
+                "texture `{}` is sampled with a linear filter, and {} filters no {format:?}: use the nearest texel",
                 texture.label(),
                 self.gpu.name()
             )));

@@ -6,10 +6,7 @@ use super::{
     owner::same_device,
     recorder::Recorder,
 };
-use crate::{
-    error::{Error, Result},
-    format::Format,
-};
+use crate::error::{Error, Result};
 use ash::vk;
 use bytemuck::Pod;
 use std::ops::Range;
@@ -177,14 +174,14 @@ impl Recorder {
     /// texels may differ a little from device to device.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the image was made for [`ImageUse::Sampled`] or holds depths; [`Error::Device`] if the
-    /// device computes but does not draw: Vulkan lets such a device filter nothing.
+    /// [`Error::Usage`] if the image was made for [`ImageUse::Sampled`] or holds depths or integers; [`Error::Device`] if
+    /// the device does not filter the format, or computes but does not draw: Vulkan lets such a device filter nothing.
     pub fn make_levels(&mut self, image: &Image) -> Result<()> {
         same_device(self, image)?;
         let raw = &image.0;
-        if raw.usage == ImageUse::Sampled || raw.format == Format::D32Float {
+        if raw.usage == ImageUse::Sampled || raw.format.is_depth() || raw.format.is_integer() {
             return Err(Error::Usage(format!(
-                "image `{}` ({:?}, `ImageUse::{:?}`) gets no levels: they are made of colours in images that are made \
+                "image `{}` ({:?}, `ImageUse::{:?}`) gets no levels: they are made of colours that are no integers, in images that are made \
                  with `ImageUse::Attachment` or `ImageUse::Storage`",
                 raw.name, raw.format, raw.usage
             )));
@@ -195,6 +192,14 @@ impl Recorder {
                 "{} makes no mip levels of image `{}`, since it has no queue that both draws and computes: upload them",
                 self.gpu.name(),
                 raw.name
+            )));
+        }
+        if !self.gpu.0.makes_levels_of(raw.format) {
+            return Err(Error::Device(format!(
+                "{} makes no mip levels of image `{}`, since it filters no {:?}: upload them",
+                self.gpu.name(),
+                raw.name,
+                raw.format
             )));
         }
         self.transition(image, raw.shader_layout(), WRITTEN);
@@ -210,8 +215,8 @@ impl Recorder {
                 .dst_offsets([vk::Offset3D::default(), corner(level)])];
             // Also a barrier: a level needs the one above.
             self.commands.transition_levels(raw, level - 1..level, WRITTEN, READ);
-            // SAFETY: the levels are in these layouts; the image is kept by the transition. The queue draws, and all
-            // devices filter these formats.
+            // SAFETY: the levels are in these layouts; the image is kept by the transition. The queue draws, and the
+            // device filters the format.
             unsafe {
                 let (device, commands) = (&self.gpu.0.device, self.commands.raw);
                 let (image, filter) = (raw.handle, vk::Filter::LINEAR);
@@ -355,14 +360,15 @@ impl Recorder {
         let (device, commands, range) = (&self.gpu.0.device, self.commands.raw, [raw.range()]);
         // SAFETY: the image is in that layout and kept by the transition. The queue draws, if it is a depth image.
         unsafe {
-            match raw.format {
-                Format::D32Float => {
+            match raw.format.is_depth() {
+                true => {
                     let zeros = vk::ClearDepthStencilValue::default();
                     device.cmd_clear_depth_stencil_image(
                         commands, raw.handle, WRITTEN, &zeros, &range,
                     );
                 }
-                Format::Rgba8Unorm | Format::Rgba8Srgb | Format::Rgba16Float => {
+                false => {
+                    // The bits of zero are the same in floats and in integers.
                     let zeros = vk::ClearColorValue::default();
                     device.cmd_clear_color_image(commands, raw.handle, WRITTEN, &zeros, &range);
                 }
@@ -374,7 +380,7 @@ impl Recorder {
 
 /// Refuses depths that Vulkan lets no copy write into `image`.
 fn check_depths(image: &Image, level: &[u8]) -> Result<()> {
-    if image.format() != Format::D32Float {
+    if !image.format().is_depth() {
         return Ok(());
     }
     let depths = level.chunks_exact(4).map(bytemuck::pod_read_unaligned::<f32>);

@@ -46,17 +46,16 @@ impl Variation {
 fn loaded(random: &mut Random, mut pass: Pass) -> Pass {
     let mut picture = |format: Format, texel: &mut dyn FnMut(&mut Random) -> [u8; 4]| {
         let bytes = (0..pass.extent.pixels()).flat_map(|_| texel(random)).collect();
-        LoadOp::<[f32; 4]>::Picture(Arc::new(Picture { extent: pass.extent, format, bytes }))
+        Arc::new(Picture { extent: pass.extent, format, bytes })
     };
-    pass.colors[0].load =
-        picture(Format::Rgba8Unorm, &mut |random| (random.bits() as u32).to_ne_bytes());
+    let texels = picture(Format::Rgba8Unorm, &mut |random| (random.bits() as u32).to_ne_bytes());
+    pass.colors[0].load = LoadOp::Picture(texels);
     let mut depth = |random: &mut Random| match random.below(4) {
         0 => random.unit().to_ne_bytes(),
         _ => ([0.0f32, 0.25, 0.5, 1.0][random.below(4)]).to_ne_bytes(),
     };
-    if let LoadOp::Picture(depths) = picture(Format::D32Float, &mut depth) {
-        pass.depth.as_mut().expect("it has depth").load = LoadOp::Picture(depths);
-    }
+    let depths = picture(Format::D32Float, &mut depth);
+    pass.depth.as_mut().expect("it has depth").load = LoadOp::Picture(depths);
     pass
 }
 

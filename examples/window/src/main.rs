@@ -66,7 +66,7 @@ impl View {
         }
         let extent = self.screen.extent();
         let aspect = extent.width as f32 / extent.height as f32;
-        let clear = LoadOp::Clear([0.02, 0.02, 0.05, 1.0]);
+        let clear = LoadOp::clear([0.02, 0.02, 0.05, 1.0]);
         self.pass.extent = extent;
         self.pass.colors = vec![ColorTarget::on_device(&self.target, clear)];
         self.pass.draws = vec![Draw::new(0, 3).push(&[frame as f32 * 0.02, aspect])];

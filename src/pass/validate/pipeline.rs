@@ -4,7 +4,7 @@ use super::{Fault, STRIDE_BYTES};
 use crate::{
     abi,
     error::{Error, Result},
-    format::Component,
+    format::{Component, Format},
     pass::Pipeline,
     shader::{Resource, Scalar, Shader, Stage},
 };
@@ -113,17 +113,30 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     Ok(all)
 }
 
-/// Checks that the fragment shader writes the kind of value that so many colour targets hold. Its outputs at other
-/// locations vanish, as in Vulkan.
-pub(crate) fn check_outputs(fragment: &Shader, targets: usize) -> Fault {
-    let mut outputs = fragment.reflection.outputs.iter();
-    match outputs.find(|o| (o.location as usize) < targets && o.scalar != Scalar::Float) {
-        Some(output) => Err(format!(
-            "`{}` writes {} to location {}; colour targets hold floats",
-            fragment.label, output.scalar, output.location
-        )),
-        None => Ok(()),
+/// Checks that the fragment shader writes the kind of value that each of the colour targets holds, and that the target can
+/// be blended as wanted. Outputs at other locations vanish, as in Vulkan.
+pub(crate) fn check_outputs(
+    pipeline: &Pipeline,
+    targets: impl ExactSizeIterator<Item = Format>,
+) -> Fault {
+    let fragment = &pipeline.fragment;
+    for (n, format) in targets.enumerate() {
+        let holds = Scalar::of(format);
+        let mut outputs = fragment.reflection.outputs.iter();
+        if let Some(output) = outputs.find(|o| o.location as usize == n && o.scalar != holds) {
+            return Err(format!(
+                "`{}` writes {} to location {n}; the colour target is {format:?}, for which shaders write {holds}",
+                fragment.label, output.scalar
+            ));
+        }
+        if format.is_integer() && pipeline.color_state(n).blend.is_some() {
+            return Err(format!(
+                "it blends in colour target {n}, which is {format:?}; integers are not blended: give the target a \
+                 `ColorState` of its own (`Pipeline::colors`)"
+            ));
+        }
     }
+    Ok(())
 }
 
 /// Whether each constant is set once, and takes the 32 bits that a pipeline has for it.

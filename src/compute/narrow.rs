@@ -1,0 +1,61 @@
+//! Texels of one or two bytes: in the rows of a target each of them has a word for itself, so that no two invocations write
+//! one word. In images and in pictures they lie side by side.
+//!
+//! Reads: colour, or memory that an image was copied to. Writes: the other one. Contract and kernel: `glsl/narrow.comp`.
+
+use crate::{
+    abi::{self, Narrow},
+    error::Result,
+    format::Format,
+    grid,
+    vk::{Buffer, Kernel, Recorder},
+};
+
+/// Whether texels of `format` have fewer bytes than a word.
+pub const fn is_narrow(format: Format) -> bool {
+    format.texel_bytes() < 4
+}
+
+/// The texels of a picture as rows have them.
+pub fn widened(format: Format, texels: &[u8]) -> Vec<u32> {
+    let bytes = |texel: &[u8]| match *texel {
+        [low] => low.into(),
+        [low, high] => u16::from_ne_bytes([low, high]).into(),
+        _ => unreachable!("a narrow texel has one or two bytes"),
+    };
+    texels.chunks_exact(format.texel_bytes()).map(bytes).collect()
+}
+
+/// Appends to `texels` those of rows, which the host has read.
+pub fn append(format: Format, rows: &[u32], texels: &mut Vec<u8>) {
+    match format.texel_bytes() {
+        1 => texels.extend(rows.iter().map(|word| *word as u8)),
+        _ => texels.extend(rows.iter().flat_map(|word| (*word as u16).to_ne_bytes())),
+    }
+}
+
+/// Which way texels go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    ToRows,
+    FromRows,
+}
+
+/// Records the way of the texels of one target: between its rows, which begin with word `first` of `color`, and `texels`.
+pub fn record(
+    recorder: &mut Recorder,
+    kernel: &Kernel,
+    (color, first): (&Buffer<u32>, usize),
+    (format, texels): (Format, &Buffer<u32>),
+    (way, pixels): (Way, usize),
+) -> Result<()> {
+    let (bytes, to_rows) = (format.texel_bytes() as u32, (way == Way::ToRows).into());
+    let push = Narrow { pixels: pixels as u32, first: first as u32, texel_bytes: bytes, to_rows };
+    let (words, lanes) = (push.pixels.div_ceil(4 / bytes), abi::GROUP * abi::CLEAR_ROUNDS);
+    recorder
+        .kernel(kernel)
+        .bind("Color", color)
+        .bind("Texels", texels)
+        .push(&push)
+        .dispatch(grid::groups(words, lanes))
+}
