@@ -174,7 +174,7 @@ layout(location = 1) flat out int id;
 void main() { gl_Position = vec4(0); uv = vec2(0); id = 1; }";
         p.pipeline.vertex = shader(Stage::Vertex, "other.vert", body);
     });
-    refused(&["odd.frag", " uint to location 0", "floats"], |p| {
+    refused(&["odd.frag", " uint to location 0", "shaders write float"], |p| {
         let body = "layout(location = 0) out uvec4 color;
 void main() { color = uvec4(1); }";
         p.pipeline.fragment = shader(Stage::Fragment, "odd.frag", body);

@@ -22,6 +22,7 @@ mod resource;
 mod sampling;
 mod scalar;
 pub mod splice;
+mod storage_format;
 mod stored;
 #[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
 mod system;
@@ -78,7 +79,7 @@ impl fmt::Display for Stage {
 /// A vertex or fragment shader: valid SPIR-V with entry point `main`, and what reflection found in it.
 ///
 /// It cannot be changed, because drivers rely on valid modules. It binds only what a pass can provide:
-/// textures with float texels, samplers, storage images, blocks, triangles. Whether all of its code is within reach is found
+/// textures, samplers, storage images, blocks, triangles. Whether all of its code is within reach is found
 /// out when a pipeline is compiled ([`crate::Renderer::compile`]) or drawn with. Two shaders
 /// are equal if they are the same stage of the same module, whatever their labels are.
 #[derive(Clone, Debug)]

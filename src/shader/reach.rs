@@ -1,7 +1,6 @@
 //! Refuses shaders that declare something which no pass can provide.
 //!
-//! A pass binds blocks, textures of floats, and samplers. It draws
-//! triangles, and nothing in it has an address. A shader that asks for more is a valid module, and could be
+//! A pass binds blocks, textures, and samplers. It draws triangles, and nothing in it has an address. A shader that asks for more is a valid module, and could be
 //! spliced; but the things that it asks for would be undefined, and drivers crash on some of them.
 //!
 //! Everything else behaves as in Vulkan. Outputs at locations without a target vanish. A vertex shader's
@@ -10,6 +9,7 @@
 use super::{
     Stage,
     module::{Index, Outcome},
+    storage_format::storage_format,
     usage::Usage,
 };
 use rspirv::{
@@ -65,20 +65,20 @@ fn resource(index: &Index, id: Word, ty: Word) -> Outcome<Option<String>> {
     // 6: the format of such an image.
     let single = index.number(image, 4)? == 0;
     let name = glsl_type(index, image, with_sampler)?;
-    if known && single && index.op(texel)? == Op::TypeFloat {
+    let is_32_bit = index.number(texel, 0)? == 32;
+    if known && single && is_32_bit {
         return Ok(match index.def(image)?.operands.get(6) {
-            Some(Operand::ImageFormat(
-                ImageFormat::Unknown | ImageFormat::Rgba8 | ImageFormat::Rgba16f,
-            ))
-            | None => None,
-            Some(format) => Some(format!(
-                "{} is a {name} of the format {format:?}; the storage images of a pass are rgba8 or rgba16f",
-                place(index, id)
-            )),
+            Some(Operand::ImageFormat(format))
+                if *format != ImageFormat::Unknown && storage_format(*format).is_none() =>
+            {
+                let place = place(index, id);
+                Some(format!("{place} is a {name} of {format:?}; no image has this format"))
+            }
+            _ => None,
         });
     }
-    let possible = "the textures of a pass have float texels and one sample a texel: sampler2D, texture2D and their \
-                    relatives of other dimensions";
+    let possible = "the textures of a pass have texels of 32-bit floats or integers and one sample a texel: sampler2D, \
+                    utexture2D and their relatives of other dimensions";
     Ok(Some(format!("{} is a {name}; {possible}", place(index, id))))
 }
 
@@ -162,32 +162,32 @@ mod tests {
         for (ty, use_of) in [
             ("sampler2DMS", "texelFetch(odd, ivec2(0), 0)"),
             ("sampler2DMSArray", "texelFetch(odd, ivec3(0), 0)"),
-            ("isampler2D", "texture(odd, vec2(0.5))"),
-            ("usampler3D", "texture(odd, vec3(0.5))"),
-            ("isamplerCubeArray", "texture(odd, vec4(0.5))"),
+            ("isampler2DMS", "texelFetch(odd, ivec2(0), 0)"),
             ("samplerBuffer", "texelFetch(odd, 0)"),
-            ("utexture2D", "texelFetch(odd, ivec2(0), 0)"),
+            ("usamplerBuffer", "texelFetch(odd, 0)"),
         ] {
             let text = reason(&format!("{at} uniform {ty} odd;"), use_of).expect(ty);
             let sentence =
                 format!("shader `odd.frag`: `odd` (set 1, binding 7) is a {ty}; the textures");
             assert!(text.starts_with(&sentence), "{text}");
-            assert!(text.contains("sampler2D, texture2D and their"), "{text}");
+            assert!(text.contains("sampler2D, utexture2D and their"), "{text}");
         }
-        let text = reason(&format!("{at} uniform isampler1D odd[];"), "texture(odd[3], 1)");
-        assert!(text.unwrap().contains("`odd` (set 1, binding 7) is a isampler1D"));
-        let image = "layout(set = 0, binding = 2, r32f) uniform image2D odd;";
-        let text = reason(image, "imageLoad(odd, ivec2(0))").unwrap();
-        assert!(text.contains("`odd` (set 0, binding 2) is a image2D of the format"), "{text}");
-        let image = "layout(set = 0, binding = 2, rgba8) uniform image2D odd;";
-        assert_eq!(reason(image, "imageLoad(odd, ivec2(0))"), None);
+        let text = reason(&format!("{at} uniform isamplerBuffer odd[];"), "texelFetch(odd[3], 1)");
+        assert!(text.unwrap().contains("`odd` (set 1, binding 7) is a isamplerBuffer"));
+        let image = "layout(set = 0, binding = 2, r32f) uniform imageBuffer odd;";
+        let text = reason(image, "imageLoad(odd, 0)").unwrap();
+        assert!(text.contains("`odd` (set 0, binding 2) is a"), "{text}");
+        for image in ["rgba8) uniform image2D odd", "r32ui) uniform uimage2D odd"] {
+            let image = format!("layout(set = 0, binding = 2, {image};");
+            assert_eq!(reason(&image, "imageLoad(odd, ivec2(0))"), None);
+        }
         let input = "layout(input_attachment_index = 0, binding = 3) uniform subpassInput odd;";
         let text = reason(input, "subpassLoad(odd)").unwrap();
         assert!(text.contains("is a subpassInput"), "{text}");
     }
 
     #[test]
-    fn each_kind_of_float_texture_is_accepted() {
+    fn each_kind_of_texture_is_accepted() {
         for (ty, use_of) in [
             ("sampler1D", "texture(odd, 0.5)"),
             ("sampler3D", "texture(odd, vec3(0.5))"),
@@ -199,6 +199,10 @@ mod tests {
             ("samplerCubeShadow", "texture(odd, vec4(0.5))"),
             ("sampler2DArrayShadow", "texture(odd, vec4(0.5))"),
             ("texture3D", "texelFetch(odd, ivec3(0), 0)"),
+            ("isampler2D", "texture(odd, vec2(0.5))"),
+            ("usampler3D", "texture(odd, vec3(0.5))"),
+            ("isamplerCubeArray", "texture(odd, vec4(0.5))"),
+            ("utexture2D", "texelFetch(odd, ivec2(0), 0)"),
             ("texture2DArray", "texelFetch(odd, ivec3(0), 0)"),
         ] {
             assert_eq!(reason(&format!("layout(binding = 7) uniform {ty} odd;"), use_of), None);
@@ -217,7 +221,7 @@ mod tests {
 
     #[test]
     fn what_is_declared_and_not_used_is_no_reason() {
-        assert_eq!(reason("layout(binding = 0) uniform isampler2D odd;", "1"), None);
+        assert_eq!(reason("layout(binding = 0) uniform isampler2DMS odd;", "1"), None);
         let plain = "layout(binding = 0) uniform sampler2D a;
             layout(binding = 1) uniform texture2D b;
             layout(binding = 2) uniform sampler c;";

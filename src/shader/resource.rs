@@ -8,12 +8,12 @@ use super::{
     Dimension, ImageShape, Resource, ResourceKind, Scalar, block, interface,
     module::{Index, Outcome},
     sampling::{Sampling, sampling},
+    storage_format::storage_format,
     usage::Usage,
 };
-use crate::format::Format;
 use rspirv::{
     dr::Operand,
-    spirv::{Decoration, Dim, ImageFormat, Op, StorageClass, Word},
+    spirv::{Decoration, Dim, Op, StorageClass, Word},
 };
 
 /// The resources of a shader.
@@ -204,8 +204,7 @@ fn shape(index: &Index, image: Word) -> Outcome<ImageShape> {
         multisampled: index.number(image, 4)? == 1,
         texel,
         format: match index.def(image)?.operands.get(6) {
-            Some(Operand::ImageFormat(ImageFormat::Rgba8)) => Some(Format::Rgba8Unorm),
-            Some(Operand::ImageFormat(ImageFormat::Rgba16f)) => Some(Format::Rgba16Float),
+            Some(Operand::ImageFormat(declared)) => storage_format(*declared),
             _ => None,
         },
     })

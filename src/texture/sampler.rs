@@ -137,6 +137,11 @@ impl Sampler {
         [Some(self.mag), Some(self.min), self.mip].contains(&Some(Filter::Linear))
     }
 
+    /// Whether it shows a border.
+    pub(crate) fn has_border(&self) -> bool {
+        [self.wrap_u, self.wrap_v, self.wrap_w].contains(&Wrap::ClampToBorder)
+    }
+
     /// Why Vulkan has no such sampler, on any device.
     pub(crate) fn check(&self) -> Result<(), String> {
         let Self { lod_bias, min_lod, max_lod, anisotropy, .. } = *self;
