@@ -92,6 +92,8 @@ struct Piece {
     ivec2 rect_max;
     uint color_states[MAX_COLORS];
     vec3 depth_bias;
+    vec2 depth_bounds;
+    vec4 blend_constants;
 };
 
 struct Attribute {
@@ -129,6 +131,8 @@ struct QuadPiece {
     ivec2 rect_min, rect_max;
     uvec4 colors[MAX_COLORS / 4u]; // color_states
     vec3 depth_bias;
+    vec2 depth_bounds;
+    vec4 blend_constants;
 };
 
 // `Triangle` by pairs of words, one pair for each lane of a quad in either half.

@@ -6,7 +6,7 @@
 #define BOUND_GLSL
 #extension GL_EXT_nonuniform_qualifier : require
 #include "abi.glsl"
-const bool BIASED = true;
+layout(constant_id = SPEC_BIASED) const bool BIASED = false;
 #include "lib/depth.glsl"
 #include "lib/interpolate.glsl"
 #include "lib/key.glsl"
@@ -94,7 +94,7 @@ Bound bind_triangle(const uint key) {
     uint first = nearest(w);
     vec3 plane = uintBitsToFloat(fields.xyz);
     float bias = 0.0;
-    if ((vertices.w & TRIANGLE_BIASED) != 0u) {
+    if (BIASED && (vertices.w & TRIANGLE_BIASED) != 0u) {
         bias = bias_of(pieces[fields.w].depth_bias, plane.yz, vertices.w >> TRIANGLE_EXPONENT_SHIFT);
     }
     bound = Bound(key, plane, bias, vertices.w, corners_from(first, vec3(a.x, b.x, c.x)),

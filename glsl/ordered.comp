@@ -44,13 +44,20 @@ bool compare(const uint operation, const float a, const float b) {
     return (operation & ((a < b ? COMPARE_LESS : 0u) | (a == b ? COMPARE_EQUAL : 0u) | (a > b ? COMPARE_GREATER : 0u))) != 0u;
 }
 
+// Whether a fragment of depth `z` passes the tests where the target holds `held`. `state` is the piece's, `bounds` are the
+// bounds of a depth bounds test.
+bool passes(const uint state, const float z, const float held, const vec2 bounds) {
+    bool inside = (state & DEPTH_STATE_BOUNDS) == 0u || (held >= bounds.x && held <= bounds.y);
+    return inside && ((state & DEPTH_STATE_TEST) == 0u || compare(state >> DEPTH_STATE_COMPARE_SHIFT, z, held));
+}
+
 // Writes the colour of a target, `bits`; `state` is what the piece has of the target's state.
-void write_color(const uint target, const uint pixel, const uint state, const uvec4 bits) {
+void write_color(const uint target, const uint pixel, const uint piece, const uint state, const uvec4 bits) {
     uint format = format_of(target), words = color_words(format), mask = state >> COLOR_MASK_SHIFT, at = color_place(target, pixel);
     if (mask == 0u) return;
-    bool blends = (state & COLOR_BLENDS) != 0u;
+    bool blends = (state & COLOR_BLENDS) != 0u, is_logic = !blends && (state & COLOR_LOGIC) != 0u;
     uvec4 value = bits, held = uvec4(0u);
-    if (blends || mask != 15u) {
+    if (blends || is_logic || mask != 15u) {
         held.x = color[at];
         if (words > 1u) held.y = color[at + 1u];
         if (words > 2u) held.zw = uvec2(color[at + 2u], color[at + 3u]);
@@ -60,9 +67,13 @@ void write_color(const uint target, const uint pixel, const uint state, const uv
         vec4 source = limited(format, uintBitsToFloat(bits));
         // In real scenes, large parts of leaves, fences and glass are fully transparent. An infinite colour is not.
         if (numeric_of(format) != NUMERIC_FLOAT && source.a == 0.0 && blend_keeps(equations.x, equations.y)) return;
-        value = floatBitsToUint(blend(equations.x, equations.y, source, color_decode(format, held), has_sign(format)));
+        vec4 constants = vec4(0.0);
+        if ((state & COLOR_CONSTANTS) != 0u) constants = limited(format, pieces[piece].blend_constants);
+        vec4 target_color = color_decode(format, held);
+        value = floatBitsToUint(blend(equations.x, equations.y, source, target_color, constants, has_sign(format)));
     }
     uvec4 texel = color_encode(format, value);
+    if (is_logic) texel = logic(state, texel, held);
     if (mask != 15u) {
         uvec4 written = channel_bits(format, mask);
         texel = (texel & written) | (held & ~written);
@@ -88,10 +99,12 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     uvec4 depth_piece = of_first_half(own_shading);
     uint piece = depth_piece.w;
     vec3 z_plane = uintBitsToFloat(depth_piece.xyz);
-    uint depth_state = pieces[piece].depth_state, operation = depth_state >> DEPTH_STATE_COMPARE_SHIFT;
-    bool test = (depth_state & DEPTH_STATE_TEST) != 0u, write = (depth_state & DEPTH_STATE_WRITE) != 0u;
+    uint depth_state = pieces[piece].depth_state;
+    bool test = (depth_state & (DEPTH_STATE_TEST | DEPTH_STATE_BOUNDS)) != 0u, write = (depth_state & DEPTH_STATE_WRITE) != 0u;
+    vec2 bounds = vec2(0.0);
+    if ((depth_state & DEPTH_STATE_BOUNDS) != 0u) bounds = pieces[piece].depth_bounds;
     float bias = 0.0;
-    if ((depth_state & DEPTH_STATE_BIAS) != 0u) {
+    if (BIASED && (depth_state & DEPTH_STATE_BIAS) != 0u) {
         bias = bias_of(pieces[piece].depth_bias, z_plane.yz, of_second_half(own_shading).w >> TRIANGLE_EXPONENT_SHIFT);
     }
     uvec4 states[MAX_COLORS / 4u];
@@ -119,7 +132,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                 if (alive && test && DEPTH != DEPTH_LATE) {
                     uint at = uint(local_origin.y + y) * batch.width + uint(local_origin.x + x);
                     float z = depth_in_column(z_column, z_plane.z, bias, origin.y + y);
-                    alive = compare(operation, z, depth[at]);
+                    alive = passes(depth_state, z, depth[at], bounds);
                     if (DEPTH == DEPTH_EARLY && alive && write) depth[at] = z;
                 }
                 passed |= alive ? 1u << (((row - part * ROWS) << COLUMNS_LOG2) + column) : 0u;
@@ -141,7 +154,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
             uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
             bool keep = alive && !tw_HelperInvocation;
             float late = kept_depth(tw_FragDepth);
-            if (keep && test && DEPTH == DEPTH_LATE) keep = compare(operation, late, depth[at]);
+            if (keep && test && DEPTH == DEPTH_LATE) keep = passes(depth_state, late, depth[at], bounds);
             if (keep) {
                 float z = DEPTH == DEPTH_LATE ? late : tw_FragCoord.z;
                 if (write && DEPTH != DEPTH_EARLY) depth[at] = z;
@@ -149,7 +162,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                     uint pixel = tile_index(uvec2(p));
                     visibility[bin * BIN_QUADS + (pixel >> 2)][pixel & 3u] = key;
                 }
-#define WRITE(t) if (format_of(t) != NO_FORMAT) write_color(t, at, states[t >> 2][t & 3u], color_bits_##t);
+#define WRITE(t) if (format_of(t) != NO_FORMAT) write_color(t, at, piece, states[t >> 2][t & 3u], color_bits_##t);
                 EACH_COLOR(WRITE)
             }
         }

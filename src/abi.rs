@@ -153,6 +153,8 @@ shared_constants! {
     pub const DEPTH_STATE_WRITE: u32 = 2;
     /// [`Piece::depth_state`]: [`Piece::depth_bias`] is not zero.
     pub const DEPTH_STATE_BIAS: u32 = 4;
+    /// [`Piece::depth_state`]: the depth that is there must be within [`Piece::depth_bounds`].
+    pub const DEPTH_STATE_BOUNDS: u32 = 64;
     /// [`Piece::depth_state`]: first bit of the `Compare`.
     pub const DEPTH_STATE_COMPARE_SHIFT: u32 = 3;
 
@@ -168,8 +170,12 @@ shared_constants! {
     pub const COLOR_ALPHA_SHIFT: u32 = BLEND_BITS;
     /// [`Piece::color_states`]: the equations are applied.
     pub const COLOR_BLENDS: u32 = 1 << (2 * BLEND_BITS);
+    /// [`Piece::color_states`]: the equations need [`Piece::blend_constants`].
+    pub const COLOR_CONSTANTS: u32 = 1 << (2 * BLEND_BITS + 1);
+    /// [`Piece::color_states`]: nothing is blended, and the `LogicOp` in the lowest bits is applied.
+    pub const COLOR_LOGIC: u32 = 1 << (BLEND_BITS - 1);
     /// [`Piece::color_states`]: first of four bits that say which channels are written, red first.
-    pub const COLOR_MASK_SHIFT: u32 = 2 * BLEND_BITS + 1;
+    pub const COLOR_MASK_SHIFT: u32 = 2 * BLEND_BITS + 2;
 }
 
 const _: () = assert!(WINDOW_OVERLAP == 4 * 4, "four components of four bytes at most");
@@ -350,6 +356,10 @@ pub struct Piece {
     pub color_states: [u32; MAX_COLORS as usize],
     /// Depth bias: the constant factor, the slope factor, the clamp.
     pub depth_bias: [f32; 3],
+    /// Least and greatest depth of the depth bounds test.
+    pub depth_bounds: [f32; 2],
+    /// Constant colour and constant alpha of blending.
+    pub blend_constants: [f32; 4],
 }
 
 /// The memory that one input location of a vertex shader reads.

@@ -67,7 +67,8 @@ impl Picture {
         Self { extent, format, bytes: vec![0; extent.pixels() * format.texel_bytes()] }
     }
 
-    /// A picture of one colour: what a target holds that was cleared to `color`.
+    /// A picture of one colour: what a target holds that was cleared to `color`. A colour of another kind is converted: 5.0 is
+    /// 5 in a format of integers.
     pub fn filled(extent: Extent, format: Format, color: impl Into<ClearColor>) -> Self {
         let words = texel::encode(format, color.into());
         let texel = &bytemuck::cast_slice(&words)[..format.texel_bytes()];

@@ -10,7 +10,9 @@ use crate::{
     format::{Format, VertexFormat},
     image::Extent,
     shader::Shader,
-    state::{ColorState, Cull, DepthBias, DepthState, FrontFace, Rect, Topology, Viewport},
+    state::{
+        ColorState, Cull, DepthBias, DepthState, FrontFace, LogicOp, Rect, Topology, Viewport,
+    },
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
     vk,
@@ -108,6 +110,9 @@ pub struct Pipeline {
     /// How fragments change the colour targets, one for each; the last one counts for all targets beyond the list. An empty
     /// list stands for [`ColorState::OVERWRITE`].
     pub colors: Vec<ColorState>,
+    /// What becomes of the bits of colour targets; `None` leaves that to [`Pipeline::colors`]. With an operation, no target is
+    /// blended. Targets of floats and sRGB-encoded ones are overwritten, as Vulkan says.
+    pub logic_op: Option<LogicOp>,
 }
 
 impl Pipeline {
@@ -130,6 +135,7 @@ impl Pipeline {
             front_face: FrontFace::default(),
             depth: DepthState::default(),
             colors: Vec::new(),
+            logic_op: None,
         }
     }
 
@@ -344,6 +350,11 @@ pub struct Draw {
     pub scissor: Option<Rect>,
     /// What is added to depths; `None` is nothing.
     pub depth_bias: Option<DepthBias>,
+    /// Least and greatest depth for pipelines with [`crate::state::DepthState::bounds`]; 0 and 1 unless set.
+    pub depth_bounds: [f32; 2],
+    /// Constant colour and constant alpha of blending, RGBA, for pipelines whose factors ask for them
+    /// ([`crate::state::BlendFactor::ConstantColor`]); zeros unless set.
+    pub blend_constants: [f32; 4],
 }
 
 impl Draw {
@@ -364,6 +375,8 @@ impl Draw {
             viewport: None,
             scissor: None,
             depth_bias: None,
+            depth_bounds: [0.0, 1.0],
+            blend_constants: [0.0; 4],
         }
     }
 

@@ -103,23 +103,28 @@ pub struct DepthState {
     pub write: bool,
     /// The comparison.
     pub compare: Compare,
+    /// Whether a fragment is drawn only where the depth that the target holds is within [`crate::Draw::depth_bounds`]. The
+    /// depth of the fragment itself does not count.
+    pub bounds: bool,
 }
 
 impl DepthState {
     /// No test, no write.
-    pub const OFF: Self = Self { test: false, write: false, compare: Compare::Always };
+    pub const OFF: Self =
+        Self { test: false, write: false, compare: Compare::Always, bounds: false };
     /// The usual one: nearer wins, the first of equals stays.
     pub const LESS: Self = Self::new(Compare::Less);
 
     /// A test that writes.
     pub const fn new(compare: Compare) -> Self {
-        Self { test: true, write: true, compare }
+        Self { test: true, write: true, compare, bounds: false }
     }
 
     setters! {
         test: bool,
         write: bool,
         compare: Compare,
+        bounds: bool,
     }
 }
 
@@ -154,6 +159,29 @@ shared_enum! {
         DstAlpha = 8,
         /// 1 - destination alpha.
         OneMinusDstAlpha = 9,
+        /// The draw's constant colour ([`crate::Draw::blend_constants`]).
+        ConstantColor = 10,
+        /// 1 - constant colour.
+        OneMinusConstantColor = 11,
+        /// The draw's constant alpha.
+        ConstantAlpha = 12,
+        /// 1 - constant alpha.
+        OneMinusConstantAlpha = 13,
+        /// For colours the lesser of source alpha and 1 - destination alpha; for alpha 1.
+        SrcAlphaSaturate = 14,
+    }
+}
+
+impl BlendFactor {
+    /// Whether it needs the draw's constants.
+    pub(crate) fn is_constant(self) -> bool {
+        matches!(
+            self,
+            Self::ConstantColor
+                | Self::OneMinusConstantColor
+                | Self::ConstantAlpha
+                | Self::OneMinusConstantAlpha
+        )
     }
 }
 
@@ -183,7 +211,52 @@ const _: () = {
     assert!(DstColor as u32 == 4 && OneMinusDstColor as u32 == 5);
     assert!(SrcAlpha as u32 == 6 && OneMinusSrcAlpha as u32 == 7);
     assert!(DstAlpha as u32 == 8 && OneMinusDstAlpha as u32 == 9);
+    assert!(ConstantColor as u32 == 10 && OneMinusConstantColor as u32 == 11);
+    assert!(ConstantAlpha as u32 == 12 && OneMinusConstantAlpha as u32 == 13);
+    assert!(SrcAlphaSaturate as u32 == 14);
 };
+
+shared_enum! {
+    /// What a target's bits become, of the bits that a fragment brings (source) and those that are there (destination).
+    ///
+    /// The number of an operation is its truth table: 1 where both are 0, 2 where the destination alone is 1, 4 where the
+    /// source alone is 1, 8 where both are 1.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum LogicOp {
+        /// 0
+        Clear = 0,
+        /// not (source or destination)
+        Nor = 1,
+        /// not source, and destination
+        AndInverted = 2,
+        /// not source
+        CopyInverted = 3,
+        /// source, and not destination
+        AndReverse = 4,
+        /// not destination
+        Invert = 5,
+        /// source exclusive or destination
+        Xor = 6,
+        /// not (source and destination)
+        Nand = 7,
+        /// source and destination
+        And = 8,
+        /// not (source exclusive or destination)
+        Equivalent = 9,
+        /// destination
+        NoOp = 10,
+        /// not source, or destination
+        OrInverted = 11,
+        /// source
+        Copy = 12,
+        /// source, or not destination
+        OrReverse = 13,
+        /// source or destination
+        Or = 14,
+        /// 1
+        Set = 15,
+    }
+}
 
 /// One blend equation: `op(src * src_factor, dst * dst_factor)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -229,6 +302,11 @@ impl Blend {
     /// `src + dst`, colour and alpha.
     pub const ADD: Self =
         Self::all(BlendEquation::new(BlendFactor::One, BlendFactor::One, BlendOp::Add));
+
+    /// Whether an equation needs the draw's constants.
+    pub(crate) fn has_constants(&self) -> bool {
+        [self.color, self.alpha].iter().any(|e| e.src.is_constant() || e.dst.is_constant())
+    }
 
     /// The same equation for colour and alpha.
     pub const fn all(equation: BlendEquation) -> Self {

@@ -79,6 +79,21 @@ impl From<[i32; 4]> for ClearColor {
 }
 
 impl ClearColor {
+    /// The same values in the kind that `format` holds, as near as it comes.
+    pub(crate) fn converted(self, format: Format) -> Self {
+        let wide = match self {
+            _ if self.fits(format) => return self,
+            Self::Float(c) => c.map(f64::from),
+            Self::Uint(c) => c.map(f64::from),
+            Self::Sint(c) => c.map(f64::from),
+        };
+        match format.numeric() {
+            Numeric::Uint => Self::Uint(wide.map(|c| c as u32)),
+            Numeric::Sint => Self::Sint(wide.map(|c| c as i32)),
+            _ => Self::Float(wide.map(|c| c as f32)),
+        }
+    }
+
     /// Whether targets of `format` are cleared to such a color.
     fn fits(self, format: Format) -> bool {
         match self {

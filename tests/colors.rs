@@ -59,9 +59,11 @@ pub fn state(random: &mut Random, tame: bool) -> ColorState {
                 dst: factors[[0, 1, 2, 3, 6, 7][any(6)]],
                 op: ops[[0, 3, 4][any(3)]],
             },
-            false => {
-                BlendEquation { src: factors[any(10)], dst: factors[any(10)], op: ops[any(5)] }
-            }
+            false => BlendEquation {
+                src: factors[any(factors.len())],
+                dst: factors[any(factors.len())],
+                op: ops[any(5)],
+            },
         }
     };
     let (color, alpha) = (equation(), equation());
@@ -161,7 +163,7 @@ fn compare_with_alone(renderer: &mut compute::Renderer, pass: &Pass, seed: u64) 
 
 /// Two texels that differ by more than layers of blending may be rounded apart: by two steps of 8 bits (lavapipe
 /// approximates sRGB). Of halves, each layer may round the last place, and they may be large.
-fn difference(a: &Picture, b: &Picture) -> Option<(f32, f32)> {
+pub fn difference(a: &Picture, b: &Picture) -> Option<(f32, f32)> {
     let halves = |picture: &Picture| -> Vec<f32> {
         let halves = picture.bytes.chunks(2);
         halves.map(|h| half_to_f32(u16::from_le_bytes([h[0], h[1]]))).collect()

@@ -111,7 +111,7 @@ fn a_pass_is_compiled_as_a_whole() {
     });
 }
 
-/// A draw with a depth bias has a raster kernel of its own, which the pass finds compiled as well.
+/// A draw with a depth bias has kernels of its own for raster and shading, which the pass finds compiled as well.
 #[test]
 fn a_pass_with_a_bias_finds_its_kernels() {
     on_each_gpu("a pass with a bias finds its kernels", |gpu| {
@@ -122,7 +122,7 @@ layout(location = 0) out vec4 color;
 void main() { color = vec4(at, 0.25, 1.0); }";
         let plain = pipeline(opaque).depth(DepthState::LESS);
         let mut pass = pass(plain, Some(Format::Rgba8Srgb), true);
-        for expected in [3, 1] {
+        for expected in [3, 2] {
             let before = renderer.cached().pipelines_made;
             let _compiled = renderer.compile_pass(&pass).unwrap();
             assert_eq!(renderer.cached().pipelines_made - before, expected);

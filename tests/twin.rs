@@ -178,6 +178,16 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
         pass.pipelines.push(Arc::new(pipeline));
         pass.draws.push(draw);
     }
+    // A draw may be bounded by the depths that are there. Numbers of their own leave those above as they are.
+    let mut random = Random::new(seed ^ 0x626f_756e_6473);
+    for (draw, pipeline) in pass.draws.iter_mut().zip(&mut pass.pipelines) {
+        if random.below(6) == 0 {
+            let depths = [(); 2].map(|()| [0.0, 0.5, 1.0, random.unit()][random.below(4)]);
+            draw.depth_bounds = [depths[0].min(depths[1]), depths[0].max(depths[1])];
+            let bounded = pipeline.depth.bounds(true);
+            *pipeline = Arc::new((**pipeline).clone().depth(bounded));
+        }
+    }
     pass
 }
 

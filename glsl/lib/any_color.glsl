@@ -110,7 +110,11 @@ uvec4 color_encode(const uint format, const uvec4 bits) {
     } else if (packing_of(format) == PACKING_RG11B10) {
         // These have no sign: negative ones become 0, and NaN stays.
         vec4 c = uintBitsToFloat(bits);
-        numbers = small_floats(mix(c, vec4(0.0), lessThan(c, vec4(0.0))), mantissa_bits(format));
+        uvec4 m = mantissa_bits(format), infinity = uvec4(31u) << m;
+        numbers = small_floats(mix(c, vec4(0.0), lessThan(c, vec4(0.0))), m);
+        // What is finite stays finite.
+        bvec4 is_too_large = equal(numbers, infinity);
+        numbers -= uvec4(is_too_large) & uvec4(notEqual(bits, uvec4(0x7f800000u)));
     }
     return pack(format, numbers & masks);
 }

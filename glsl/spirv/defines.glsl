@@ -61,6 +61,7 @@
 #define DEPTH_STATE_TEST 1u
 #define DEPTH_STATE_WRITE 2u
 #define DEPTH_STATE_BIAS 4u
+#define DEPTH_STATE_BOUNDS 64u
 #define DEPTH_STATE_COMPARE_SHIFT 3u
 #define BLEND_FACTOR_BITS 5u
 #define BLEND_TARGET_SHIFT 5u
@@ -68,7 +69,9 @@
 #define BLEND_BITS 13u
 #define COLOR_ALPHA_SHIFT 13u
 #define COLOR_BLENDS 67108864u
-#define COLOR_MASK_SHIFT 27u
+#define COLOR_CONSTANTS 134217728u
+#define COLOR_LOGIC 4096u
+#define COLOR_MASK_SHIFT 28u
 #define NUMERIC_UNORM 0u
 #define NUMERIC_SRGB 1u
 #define NUMERIC_SNORM 2u
@@ -166,11 +169,32 @@
 #define BLEND_FACTOR_ONE_MINUS_SRC_ALPHA 7u
 #define BLEND_FACTOR_DST_ALPHA 8u
 #define BLEND_FACTOR_ONE_MINUS_DST_ALPHA 9u
+#define BLEND_FACTOR_CONSTANT_COLOR 10u
+#define BLEND_FACTOR_ONE_MINUS_CONSTANT_COLOR 11u
+#define BLEND_FACTOR_CONSTANT_ALPHA 12u
+#define BLEND_FACTOR_ONE_MINUS_CONSTANT_ALPHA 13u
+#define BLEND_FACTOR_SRC_ALPHA_SATURATE 14u
 #define BLEND_OP_ADD 0u
 #define BLEND_OP_SUBTRACT 1u
 #define BLEND_OP_REVERSE_SUBTRACT 2u
 #define BLEND_OP_MIN 3u
 #define BLEND_OP_MAX 4u
+#define LOGIC_OP_CLEAR 0u
+#define LOGIC_OP_NOR 1u
+#define LOGIC_OP_AND_INVERTED 2u
+#define LOGIC_OP_COPY_INVERTED 3u
+#define LOGIC_OP_AND_REVERSE 4u
+#define LOGIC_OP_INVERT 5u
+#define LOGIC_OP_XOR 6u
+#define LOGIC_OP_NAND 7u
+#define LOGIC_OP_AND 8u
+#define LOGIC_OP_EQUIVALENT 9u
+#define LOGIC_OP_NO_OP 10u
+#define LOGIC_OP_OR_INVERTED 11u
+#define LOGIC_OP_COPY 12u
+#define LOGIC_OP_OR_REVERSE 13u
+#define LOGIC_OP_OR 14u
+#define LOGIC_OP_SET 15u
 #define PIXEL_COLUMN(i) (((i) >> 0 & 1u) | ((i) >> 1 & 6u) | ((i) >> 3 & 8u))
 #define PIXEL_ROW(i) (((i) >> 1 & 1u) | ((i) >> 3 & 6u) | ((i) >> 4 & 8u))
 #define PIXEL_NUMBER(x, y) (((x) & 1u) << 0 | ((x) & 6u) << 1 | ((x) & 8u) << 3 | ((y) & 1u) << 1 | ((y) & 6u) << 3 | ((y) & 8u) << 4)

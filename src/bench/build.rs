@@ -15,7 +15,7 @@ use crate::{
     prebuilt::bench as prebuilt,
     random::Random,
     shader::{Shader, Stage},
-    state::{Blend, Compare, Cull, DepthState},
+    state::{Blend, Cull, DepthState},
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
 };
@@ -162,7 +162,7 @@ impl Pipelines<'_> {
                 attribute(2, VertexFormat::F32X2, offset_of!(Vertex, uv)),
             ],
             cull: if kind == Kind::Solid { Cull::Back } else { Cull::None },
-            depth: DepthState { test: true, write: !blended, compare: Compare::Less },
+            depth: DepthState { write: !blended, ..DepthState::LESS },
             ..Pipeline::new("surface", self.shaders.0.clone(), self.shaders.1.clone())
                 .blend(blended.then_some(Blend::ALPHA))
         }

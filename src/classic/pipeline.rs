@@ -6,7 +6,7 @@ use crate::{
     format::{Component, Format, VertexFormat},
     pass::{Pass, Pipeline, StepRate, VertexAttribute},
     shader::{Resource, Shader, Varying},
-    state::{BlendEquation, BlendFactor, BlendOp, ColorState, Cull, FrontFace, Topology},
+    state::{BlendEquation, BlendFactor, BlendOp, ColorState, Cull, FrontFace, LogicOp, Topology},
     vk::{Gpu, compare_op, missing_feature, vk_format},
 };
 use ash::vk;
@@ -76,8 +76,9 @@ impl Key {
             front_face,
             depth,
             colors,
+            logic_op,
         } = &*self.0;
-        let state = (topology, cull, front_face, depth, colors);
+        let state = (topology, cull, front_face, depth, colors, logic_op);
         let vertices = (vertex_bindings, vertex_attributes);
         (vertex, fragment, specialization, vertices, state, &self.1)
     }
@@ -283,7 +284,8 @@ fn create(
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
         .depth_test_enable(variant.depth && pipeline.depth.test)
         .depth_write_enable(variant.depth && pipeline.depth.test && pipeline.depth.write)
-        .depth_compare_op(compare_op(pipeline.depth.compare));
+        .depth_compare_op(compare_op(pipeline.depth.compare))
+        .depth_bounds_test_enable(variant.depth && pipeline.depth.bounds);
     for (n, &format) in variant.colors.iter().enumerate() {
         if pipeline.color_state(n).blend.is_some() && !gpu.0.blends_in(format) {
             return Err(Error::Device(format!(
@@ -293,14 +295,32 @@ fn create(
             )));
         }
     }
+    let limits = &gpu.0.draw_limits;
+    let lacking = match (pipeline.logic_op, pipeline.depth.bounds) {
+        (Some(_), _) if !limits.logic_ops => Some("logic operations (logicOp)"),
+        (_, true) if !limits.depth_bounds => Some("depth bounds test (depthBounds)"),
+        _ => None,
+    };
+    if let Some(lacking) = lacking {
+        return Err(Error::Device(format!(
+            "pipeline `{}`: {} itself has no {lacking}; the compute executor does",
+            pipeline.label,
+            gpu.info().name
+        )));
+    }
     let states = (0..variant.colors.len()).map(|target| blend_state(pipeline.color_state(target)));
     let blend_attachments: Vec<_> = states.collect();
-    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blend_attachments);
+    let blend = vk::PipelineColorBlendStateCreateInfo::default()
+        .logic_op_enable(pipeline.logic_op.is_some())
+        .logic_op(pipeline.logic_op.map_or(vk::LogicOp::COPY, logic_op))
+        .attachments(&blend_attachments);
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&[
         vk::DynamicState::VIEWPORT,
         vk::DynamicState::SCISSOR,
         vk::DynamicState::DEPTH_BIAS_ENABLE,
         vk::DynamicState::DEPTH_BIAS,
+        vk::DynamicState::BLEND_CONSTANTS,
+        vk::DynamicState::DEPTH_BOUNDS,
     ]);
     let color_formats: Vec<_> = variant.colors.iter().copied().map(vk_format).collect();
     let mut rendering =
@@ -419,6 +439,32 @@ fn blend_factor(factor: BlendFactor) -> vk::BlendFactor {
         BlendFactor::OneMinusSrcAlpha => vk::BlendFactor::ONE_MINUS_SRC_ALPHA,
         BlendFactor::DstAlpha => vk::BlendFactor::DST_ALPHA,
         BlendFactor::OneMinusDstAlpha => vk::BlendFactor::ONE_MINUS_DST_ALPHA,
+        BlendFactor::ConstantColor => vk::BlendFactor::CONSTANT_COLOR,
+        BlendFactor::OneMinusConstantColor => vk::BlendFactor::ONE_MINUS_CONSTANT_COLOR,
+        BlendFactor::ConstantAlpha => vk::BlendFactor::CONSTANT_ALPHA,
+        BlendFactor::OneMinusConstantAlpha => vk::BlendFactor::ONE_MINUS_CONSTANT_ALPHA,
+        BlendFactor::SrcAlphaSaturate => vk::BlendFactor::SRC_ALPHA_SATURATE,
+    }
+}
+
+fn logic_op(op: LogicOp) -> vk::LogicOp {
+    match op {
+        LogicOp::Clear => vk::LogicOp::CLEAR,
+        LogicOp::Nor => vk::LogicOp::NOR,
+        LogicOp::AndInverted => vk::LogicOp::AND_INVERTED,
+        LogicOp::CopyInverted => vk::LogicOp::COPY_INVERTED,
+        LogicOp::AndReverse => vk::LogicOp::AND_REVERSE,
+        LogicOp::Invert => vk::LogicOp::INVERT,
+        LogicOp::Xor => vk::LogicOp::XOR,
+        LogicOp::Nand => vk::LogicOp::NAND,
+        LogicOp::And => vk::LogicOp::AND,
+        LogicOp::Equivalent => vk::LogicOp::EQUIVALENT,
+        LogicOp::NoOp => vk::LogicOp::NO_OP,
+        LogicOp::OrInverted => vk::LogicOp::OR_INVERTED,
+        LogicOp::Copy => vk::LogicOp::COPY,
+        LogicOp::OrReverse => vk::LogicOp::OR_REVERSE,
+        LogicOp::Or => vk::LogicOp::OR,
+        LogicOp::Set => vk::LogicOp::SET,
     }
 }
 

@@ -227,6 +227,9 @@ fn record_draw(
     unsafe {
         device.cmd_set_viewport(cmd, 0, &viewport);
         device.cmd_set_scissor(cmd, 0, &scissor);
+        device.cmd_set_blend_constants(cmd, &draw.blend_constants);
+        let [least, greatest] = draw.depth_bounds;
+        device.cmd_set_depth_bounds(cmd, least, greatest);
         device.cmd_set_depth_bias_enable(cmd, draw.depth_bias.is_some());
         if let Some(DepthBias { constant, slope, clamp }) = draw.depth_bias {
             device.cmd_set_depth_bias(cmd, constant, clamp, slope);

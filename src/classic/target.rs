@@ -45,7 +45,7 @@ impl Targets {
     /// Those of `pass`, which is valid.
     pub fn new(gpu: &Gpu, pass: &Pass) -> Result<Self> {
         let colors = pass.colors.iter().map(|color| {
-            let value = |color| vk::ClearValue { color: clear_color(color) };
+            let value = |of| vk::ClearValue { color: clear_color(color.format, of) };
             let begin = Begin::new(gpu, &color.load, value)?;
             let info = info("colour target", pass.extent, color.format);
             let place = color.image.as_ref().map(|image| (image, color.subresource()));

@@ -4,7 +4,7 @@ use super::{Difference, Drawn, IdPass, Limits, clipping::any_crosses, compare, i
 use crate::{
     classic, compute,
     error::Result,
-    format::{Format, Numeric, Packing},
+    format::{Format, Numeric},
     image::Extent,
     pass::{Draw, Executor, Frame, Pass},
     reference,
@@ -46,10 +46,8 @@ impl Both {
         let mut pass = pass.snapshot()?.into_owned();
         for color in &mut pass.colors {
             // A picture to begin with has its own format.
-            let is_8_bit = matches!(color.format.packing(), Packing::Bits8 | Packing::Bgra8);
             let is_color = matches!(color.format.numeric(), Numeric::Unorm | Numeric::Srgb);
-            let is_cleared = color.load.clear_value().is_some();
-            if is_cleared && is_8_bit && is_color && color.format.channels() == 4 {
+            if is_color && color.load.clear_value().is_some() {
                 color.format = Format::Rgba16Float;
             }
         }

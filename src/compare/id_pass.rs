@@ -171,7 +171,7 @@ fn id_module(offset: u32) -> Vec<u32> {
 
 fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
     let mut depth = pipeline.depth;
-    if pipeline.colors.iter().any(|state| state.blend.is_some()) {
+    if pipeline.colors.iter().any(|state| state.blend.is_some()) || pipeline.logic_op.is_some() {
         depth.write = true;
     }
     Pipeline {
@@ -179,6 +179,7 @@ fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
         fragment: id_shader,
         depth,
         colors: Vec::new(),
+        logic_op: None,
         ..pipeline.clone()
     }
 }

@@ -1,6 +1,8 @@
 //! The targets of a pass, and the recording of what a band's rows begin with and of what becomes of them at its end:
 //! the load and store operations.
 //!
+//! Narrow texels go by a buffer of their own and a kernel on the way between an image and the rows.
+//!
 //! At the beginning, rows are cleared, or copied from the target's image or from a picture. At the end, they are copied
 //! to the image.
 
@@ -199,7 +201,7 @@ impl<T: Copy> Attachment<T> {
                 let name = "picture to begin with";
                 Begin::Picture(match narrow::is_narrow(format) {
                     true => {
-                        let rows = narrow::widened(format, &picture.bytes);
+                        let rows = narrow::widened(format, &picture.bytes)?;
                         Buffer::with_content(gpu, name, &rows)?.cast()?
                     }
                     false => Buffer::with_content(gpu, name, &picture.bytes)?,

@@ -4,12 +4,14 @@ use super::{
     Renderer,
     kernels::{self, Kernels},
     maker::{KernelRequest, Maker, STACK_BYTES},
+    narrow,
 };
 use crate::{
     error::{Error, Result},
     format::Format,
     pass::{Pass, Pipeline, check_color_targets, check_outputs},
     plan::PipelineKernels,
+    target::ColorTarget,
     vk::{Kernel, generate_code},
 };
 use std::{
@@ -123,6 +125,10 @@ fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
                 all.push(one);
             }
         }
+    }
+    let is_narrow = |color: &ColorTarget| color.image.is_some() && narrow::is_narrow(color.format);
+    if pass.colors.iter().any(is_narrow) {
+        all.push(KernelRequest::Narrow);
     }
     Ok(all)
 }

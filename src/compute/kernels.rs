@@ -245,10 +245,10 @@ pub fn of_method(
     let (raster, fragment) = match method {
         Method::Opaque { compare, shades } => (
             Some(KernelRequest::Raster(compare, biased)),
-            shades.then_some(KernelRequest::Shade(fragment, formats)),
+            shades.then_some(KernelRequest::Shade(fragment, formats, biased)),
         ),
         Method::Ordered { depth, .. } => {
-            (None, Some(KernelRequest::Ordered(fragment, formats, depth)))
+            (None, Some(KernelRequest::Ordered(fragment, formats, biased, depth)))
         }
     };
     raster.into_iter().chain(fragment)

@@ -27,10 +27,10 @@ pub enum KernelRequest {
     Narrow,
     /// Vertex shading.
     Vertex(Arc<KernelKey>),
-    /// Shading of opaque work into colour targets of these formats.
-    Shade(Arc<KernelKey>, ColorFormats),
-    /// Ordered work into colour targets of these formats, with a depth mode.
-    Ordered(Arc<KernelKey>, ColorFormats, u32),
+    /// Shading of opaque work into colour targets of these formats, and whether there may be a depth bias.
+    Shade(Arc<KernelKey>, ColorFormats, bool),
+    /// Ordered work into colour targets of these formats, whether there may be a depth bias, and a depth mode.
+    Ordered(Arc<KernelKey>, ColorFormats, bool, u32),
 }
 
 /// What kernels are made with.
@@ -114,18 +114,23 @@ impl Maker {
                 let words = self.sources.words("vertex.comp");
                 ("vertex", words, key, vec![("LANES", vertex::lanes(width))])
             }
-            KernelRequest::Shade(key, formats) => {
-                let (targets, [formats, more]) = (targets(*formats), halves(*formats));
-                let constants =
-                    vec![("SUBGROUP_WIDTH", width), ("FORMATS", formats), ("MORE_FORMATS", more)];
-                ("shade", self.sources.words_for("shade.comp", targets), key, constants)
-            }
-            KernelRequest::Ordered(key, formats, depth) => {
+            KernelRequest::Shade(key, formats, biased) => {
                 let (targets, [formats, more]) = (targets(*formats), halves(*formats));
                 let constants = vec![
                     ("SUBGROUP_WIDTH", width),
                     ("FORMATS", formats),
                     ("MORE_FORMATS", more),
+                    ("BIASED", (*biased).into()),
+                ];
+                ("shade", self.sources.words_for("shade.comp", targets), key, constants)
+            }
+            KernelRequest::Ordered(key, formats, biased, depth) => {
+                let (targets, [formats, more]) = (targets(*formats), halves(*formats));
+                let constants = vec![
+                    ("SUBGROUP_WIDTH", width),
+                    ("FORMATS", formats),
+                    ("MORE_FORMATS", more),
+                    ("BIASED", (*biased).into()),
                     ("DEPTH", *depth),
                 ];
                 ("ordered", self.sources.words_for("ordered.comp", targets), key, constants)

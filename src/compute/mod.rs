@@ -309,9 +309,13 @@ impl Renderer {
             Stage::Vertex => self.kernels.make([KernelRequest::Vertex(key)]),
             Stage::Fragment => {
                 let format = kernels::color_formats([Format::Rgba8Srgb].into_iter())?;
-                let ordered =
-                    KernelRequest::Ordered(key.clone(), format, depth_mode(&shader.reflection));
-                self.kernels.make([KernelRequest::Shade(key, format), ordered])
+                let ordered = KernelRequest::Ordered(
+                    key.clone(),
+                    format,
+                    false,
+                    depth_mode(&shader.reflection),
+                );
+                self.kernels.make([KernelRequest::Shade(key, format, false), ordered])
             }
         }
     }

@@ -8,7 +8,7 @@ use crate::{
     error::Result,
     format::Format,
     grid,
-    vk::{Buffer, Kernel, Recorder},
+    vk::{Buffer, Kernel, Recorder, error::no_memory},
 };
 
 /// Whether texels of `format` have fewer bytes than a word.
@@ -17,13 +17,23 @@ pub const fn is_narrow(format: Format) -> bool {
 }
 
 /// The texels of a picture as rows have them.
-pub fn widened(format: Format, texels: &[u8]) -> Vec<u32> {
-    let bytes = |texel: &[u8]| match *texel {
-        [low] => low.into(),
-        [low, high] => u16::from_ne_bytes([low, high]).into(),
-        _ => unreachable!("a narrow texel has one or two bytes"),
+///
+/// # Errors
+/// [`Error::Capacity`] without memory for them.
+pub fn widened(format: Format, texels: &[u8]) -> Result<Vec<u32>> {
+    let bytes = |texel: &[u8]| -> u32 {
+        match *texel {
+            [low] => low.into(),
+            [low, high] => u16::from_ne_bytes([low, high]).into(),
+            _ => unreachable!("a narrow texel has one or two bytes"),
+        }
     };
-    texels.chunks_exact(format.texel_bytes()).map(bytes).collect()
+    let texels = texels.chunks_exact(format.texel_bytes());
+    let mut rows = Vec::new();
+    let wanted = 4 * texels.len() as u64;
+    rows.try_reserve_exact(texels.len()).map_err(|_| no_memory("the rows of a picture", wanted))?;
+    rows.extend(texels.map(bytes));
+    Ok(rows)
 }
 
 /// Appends to `texels` those of rows, which the host has read.

@@ -12,12 +12,9 @@ use crate::{
 pub(crate) fn encode(format: Format, color: ClearColor) -> [u32; 4] {
     let masks = masks(format);
     let each = |of: &dyn Fn(usize) -> u32| std::array::from_fn(|n| of(n) & masks[n]);
-    let numbers = match color {
-        ClearColor::Uint(c) => each(&|n| c[n].min(masks[n])),
-        ClearColor::Sint(c) => each(&|n| {
-            let most = (masks[n] >> 1) as i32;
-            c[n].clamp(-most - 1, most) as u32
-        }),
+    let numbers = match limited_integers(format, color.converted(format)) {
+        ClearColor::Uint(c) => each(&|n| c[n]),
+        ClearColor::Sint(c) => each(&|n| c[n] as u32),
         ClearColor::Float(c) => match (format.numeric(), format.packing()) {
             (Numeric::Snorm, _) => each(&|n| {
                 // As in the kernels, not-a-number becomes 0.
@@ -27,7 +24,12 @@ pub(crate) fn encode(format: Format, color: ClearColor) -> [u32; 4] {
             (Numeric::Float, Packing::Bits16) => each(&|n| f32_to_half(c[n]).into()),
             (Numeric::Float, Packing::Rg11b10) => {
                 let bits = [6, 6, 5, 0];
-                each(&|n| small_float(c[n], bits[n]))
+                each(&|n| {
+                    let number = small_float(c[n], bits[n]);
+                    // What is finite stays finite.
+                    let is_too_large = number == 31 << bits[n] && c[n].is_finite();
+                    number - u32::from(is_too_large)
+                })
             }
             (Numeric::Float | Numeric::Depth, _) => c.map(f32::to_bits),
             (Numeric::Srgb, _) => {
@@ -35,7 +37,7 @@ pub(crate) fn encode(format: Format, color: ClearColor) -> [u32; 4] {
                 let c = [kernel_srgb(r), kernel_srgb(g), kernel_srgb(b), a];
                 each(&|n| unorm(c[n], masks[n]))
             }
-            (Numeric::Unorm | Numeric::Uint | Numeric::Sint, _) => each(&|n| unorm(c[n], masks[n])),
+            (_, _) => each(&|n| unorm(c[n], masks[n])),
         },
     };
     let shifted: [u32; 4] = std::array::from_fn(|n| numbers[n] << shifts(format)[n]);
@@ -82,6 +84,19 @@ pub(crate) fn decode(format: Format, texel: &[u8]) -> [f32; 4] {
     };
     let missing = |n| if n == 3 { 1.0 } else { 0.0 };
     std::array::from_fn(|n| if n < format.channels() { channel(n) } else { missing(n) })
+}
+
+/// The same, with integers that `format` holds.
+pub(crate) fn limited_integers(format: Format, color: ClearColor) -> ClearColor {
+    let masks = masks(format);
+    match color {
+        ClearColor::Float(_) => color,
+        ClearColor::Uint(c) => ClearColor::Uint(std::array::from_fn(|n| c[n].min(masks[n]))),
+        ClearColor::Sint(c) => ClearColor::Sint(std::array::from_fn(|n| {
+            let most = (masks[n] >> 1) as i32;
+            c[n].clamp(-most - 1, most)
+        })),
+    }
 }
 
 /// The greatest number of each channel.

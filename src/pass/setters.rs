@@ -7,7 +7,10 @@ use super::{
 use crate::{
     image::Extent,
     shader::Shader,
-    state::{Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, Rect, Topology, Viewport},
+    state::{
+        Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, LogicOp, Rect, Topology,
+        Viewport,
+    },
     target::{ColorTarget, DepthTarget},
     texture::{Sampler, Texture},
     vk,
@@ -44,6 +47,7 @@ impl Pipeline {
         depth: DepthState,
         ;
         into
+        logic_op: Option<LogicOp>,
         vertex: Arc<Shader>,
         fragment: Arc<Shader>,
         specialization: Vec<(u32, u32)>,
@@ -67,6 +71,8 @@ impl Draw {
         base_vertex: i32,
         instances: u32,
         first_instance: u32,
+        depth_bounds: [f32; 2],
+        blend_constants: [f32; 4],
         ;
         into
         push_constants: Vec<u8>,

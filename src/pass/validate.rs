@@ -131,6 +131,10 @@ fn check_draw(
     {
         return Err(format!("a depth bias of {constant}, {slope}, {clamp} is no number"));
     }
+    let [least, greatest] = draw.depth_bounds;
+    if !(0.0 <= least && least <= greatest && greatest <= 1.0) {
+        return Err(format!("depth bounds of {least} and {greatest}, which are no part of 0..=1"));
+    }
     if let Some(viewport) = &draw.viewport {
         check_viewport(viewport)?;
     }

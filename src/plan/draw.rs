@@ -4,8 +4,9 @@ use super::{PipelineInfo, Planning, without_repetition};
 use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
+    format::{Format, Numeric},
     pass::{Draw, Pipeline, VertexAttribute},
-    state::{BlendEquation, ColorState, DepthState, Topology},
+    state::{BlendEquation, ColorState, DepthState, LogicOp, Topology},
 };
 use std::ops::Range;
 
@@ -197,7 +198,13 @@ impl Planning<'_> {
             depth_bias: draw
                 .depth_bias
                 .map_or([0.0; 3], |bias| [bias.constant, bias.slope, bias.clamp]),
-            color_states: std::array::from_fn(|target| color_state(pipeline.color_state(target))),
+            color_states: std::array::from_fn(|target| {
+                let format = self.pass.colors.get(target).map(|color| color.format);
+                let logic = pipeline.logic_op.filter(|_| format.is_some_and(takes_logic));
+                color_state(pipeline.color_state(target), (pipeline.logic_op.is_some(), logic))
+            }),
+            depth_bounds: draw.depth_bounds,
+            blend_constants: draw.blend_constants,
             ..Piece::default()
         }))
     }
@@ -303,21 +310,33 @@ fn depth_state(depth: &DepthState, has_target: bool) -> u32 {
     let test = depth.test && has_target;
     let compare = (depth.compare as u32) << abi::DEPTH_STATE_COMPARE_SHIFT;
     let write = if test && depth.write { abi::DEPTH_STATE_WRITE } else { 0 };
-    compare | write | if test { abi::DEPTH_STATE_TEST } else { 0 }
+    let bounds = if depth.bounds && has_target { abi::DEPTH_STATE_BOUNDS } else { 0 };
+    compare | write | bounds | if test { abi::DEPTH_STATE_TEST } else { 0 }
 }
 
-/// One of [`Piece::color_states`].
-fn color_state(state: ColorState) -> u32 {
+/// Whether logic operations are applied to targets of `format`. All others are overwritten.
+fn takes_logic(format: Format) -> bool {
+    match format.numeric() {
+        Numeric::Unorm | Numeric::Snorm | Numeric::Uint | Numeric::Sint => true,
+        Numeric::Srgb | Numeric::Float | Numeric::Depth => false,
+    }
+}
+
+/// One of [`Piece::color_states`], with a logic operation that the target takes. Where a pipeline has one, no target is blended.
+fn color_state(state: ColorState, (has_logic, logic): (bool, Option<LogicOp>)) -> u32 {
     let equation = |e: BlendEquation| {
         e.src as u32
             | (e.dst as u32) << abi::BLEND_TARGET_SHIFT
             | (e.op as u32) << abi::BLEND_OP_SHIFT
     };
     let channels = state.write.iter().rev().fold(0, |mask, &on| mask << 1 | u32::from(on));
-    let blend = state.blend.map_or(0, |blend| {
-        equation(blend.color) | equation(blend.alpha) << abi::COLOR_ALPHA_SHIFT | abi::COLOR_BLENDS
+    let blend = state.blend.filter(|_| !has_logic).map_or(0, |blend| {
+        let constants = if blend.has_constants() { abi::COLOR_CONSTANTS } else { 0 };
+        let equations = equation(blend.color) | equation(blend.alpha) << abi::COLOR_ALPHA_SHIFT;
+        equations | constants | abi::COLOR_BLENDS
     });
-    blend | channels << abi::COLOR_MASK_SHIFT
+    let logic = logic.map_or(0, |op| op as u32 | abi::COLOR_LOGIC);
+    blend | logic | channels << abi::COLOR_MASK_SHIFT
 }
 
 /// The last element of a range of `bytes` that `attribute` can read, at least one by validation.

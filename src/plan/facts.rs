@@ -5,7 +5,7 @@ use crate::{
     abi,
     pass::{Pipeline, StepRate, VertexAttribute, VertexBinding},
     shader::{Reflection, Shader, Varying},
-    state::Compare,
+    state::{Compare, LogicOp},
 };
 use std::sync::Arc;
 
@@ -99,7 +99,8 @@ pub(super) fn method(
         Compare::Less | Compare::LessOrEqual | Compare::Greater | Compare::GreaterOrEqual
     );
     let tested = has_depth && pipeline.depth.test && pipeline.depth.write && keyed;
-    if tested && is_pure(fragment) {
+    let overwrites = pipeline.logic_op.is_none_or(|op| op == LogicOp::Copy);
+    if tested && overwrites && !pipeline.depth.bounds && is_pure(fragment) {
         let compare = pipeline.depth.compare;
         let states = || (0..colors).map(|target| pipeline.color_state(target));
         if states().all(|state| !state.writes()) {

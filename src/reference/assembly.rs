@@ -22,6 +22,8 @@ pub struct Assembled {
     pub window: Window,
     /// What is added to its depths.
     pub bias: Option<DepthBias>,
+    /// Of the draw.
+    pub depth_bounds: [f32; 2],
 }
 
 /// All primitives of `pass`, which is valid and a snapshot.
@@ -48,7 +50,13 @@ fn of_draw(
             vertex: vertex_index(draw, element),
         });
         let primitive = Primitive { draw: number, instance, primitive };
-        Assembled { primitive, vertices, window, bias: draw.depth_bias }
+        Assembled {
+            primitive,
+            vertices,
+            window,
+            bias: draw.depth_bias,
+            depth_bounds: draw.depth_bounds,
+        }
     })
 }
 

@@ -4,7 +4,7 @@
 //! Contract: draws the triangles in API order, one after the other, as the API describes it; twin
 //! of `glsl/raster.comp`, and of `glsl/ordered.comp` where shaders neither discard nor write depth.
 
-use super::{Input, binning::edge_at, primitive::multiply_add};
+use super::{Input, assembly::Assembled, binning::edge_at, primitive::multiply_add};
 use crate::{
     grid::Grid,
     state::{Compare, DepthBias, DepthState},
@@ -22,9 +22,9 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
         };
         for (part, triangle) in parts.iter().enumerate() {
             let Some(triangle) = triangle else { continue };
-            let bias = input.primitives[number].bias;
+            let Assembled { bias, depth_bounds, .. } = input.primitives[number];
             let key = key(number, part);
-            draw(input.grid, (state, bias), triangle, key, depth, &mut visibility);
+            draw(input.grid, (state, bias, depth_bounds), triangle, key, depth, &mut visibility);
         }
     }
     visibility
@@ -32,7 +32,7 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
 
 fn draw(
     grid: &Grid,
-    (state, bias): (DepthState, Option<DepthBias>),
+    (state, bias, [least, greatest]): (DepthState, Option<DepthBias>, [f32; 2]),
     t: &Triangle,
     key: u32,
     depth: &mut [f32],
@@ -46,6 +46,9 @@ fn draw(
             }
             let at = (y * grid.extent.width + x) as usize;
             let z = depth_at(grid, (t, bias), x, y);
+            if state.bounds && !(least..=greatest).contains(&depth[at]) {
+                continue;
+            }
             if state.test && !passes(state.compare, z, depth[at]) {
                 continue;
             }

@@ -356,6 +356,7 @@ impl Pipelines<'_> {
             },
             depth: DepthState { write: !blended, ..DepthState::LESS },
             colors: vec![ColorState::default().blend(blended.then_some(Blend::ALPHA))],
+            logic_op: None,
         }
     }
 }

@@ -181,6 +181,14 @@ impl ImageShape {
         };
         (self.dimension, self.arrayed) == (dimension, arrayed)
     }
+
+    /// What two declarations at one place say together. `None` if no image is both.
+    pub(crate) fn merged(self, other: Self) -> Option<Self> {
+        let kind = |image: Self| (image.dimension, image.arrayed, image.texel);
+        let formats_differ = self.format.zip(other.format).is_some_and(|(a, b)| a != b);
+        let is_one = kind(self) == kind(other) && !formats_differ;
+        is_one.then_some(Self { format: self.format.or(other.format), ..self })
+    }
 }
 
 impl fmt::Display for ImageShape {
@@ -192,7 +200,9 @@ impl fmt::Display for ImageShape {
             Dimension::Cube => "a cube",
             Dimension::Other => "of another kind",
         };
-        write!(f, "{dimension}{}", if self.arrayed { ", with layers" } else { "" })
+        let layers = if self.arrayed { ", with layers" } else { "" };
+        write!(f, "{dimension}{layers}, of {}", self.texel)?;
+        self.format.map_or(Ok(()), |format| write!(f, " ({format:?})"))
     }
 }
 
@@ -233,6 +243,8 @@ pub struct Resource {
     /// Images and samplers: whether the shader samples in a way for which coordinates have to be normalized: with implicit
     /// level of detail, a comparison, projection or an offset.
     pub needs_normalized: bool,
+    /// Images and samplers: whether the shader samples integers, which are not filtered and have no border.
+    pub samples_integers: bool,
 }
 
 /// How a fragment input is interpolated from the vertices of its triangle.

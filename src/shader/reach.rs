@@ -33,6 +33,12 @@ pub(super) fn refusal(index: &Index, usage: &Usage, stage: Stage) -> Outcome<Opt
             return Ok(refusal);
         }
     }
+    for pointer in usage.instructions().filter(|i| i.class.opcode == Op::ImageTexelPointer) {
+        let Some(ty) = pointer.result_type else { continue };
+        if index.op(index.pointer(ty)?.1)? == Op::TypeFloat {
+            return Ok(Some("it changes floats of a storage image atomically; images of a pass have that for integers alone".into()));
+        }
+    }
     let by_address = |i: &Instruction| {
         i.class.opcode == Op::TypePointer
             && i.operands.first()

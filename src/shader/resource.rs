@@ -51,7 +51,7 @@ struct Declared {
 pub(super) fn bound(index: &Index, usage: &Usage) -> Outcome<Bound> {
     let mut found: Vec<Declared> = Vec::new();
     let mut bound = Bound::default();
-    let sampling = sampling(usage);
+    let sampling = sampling(index, usage);
     for variable in usage.variables(index) {
         let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
             continue;
@@ -64,9 +64,14 @@ pub(super) fn bound(index: &Index, usage: &Usage) -> Outcome<Bound> {
             StorageClass::PushConstant => bound.push_constants = Some(id),
             StorageClass::UniformConstant | StorageClass::Uniform | StorageClass::StorageBuffer => {
                 let mut declared = resource(index, id, class, ty, &mut bound.lengths)?;
-                let Sampling { compares, needs_normalized } =
+                let Sampling { compares, needs_normalized, integers } =
                     sampling.get(&id).copied().unwrap_or_default();
-                declared.resource = Resource { compares, needs_normalized, ..declared.resource };
+                declared.resource = Resource {
+                    compares,
+                    needs_normalized,
+                    samples_integers: integers,
+                    ..declared.resource
+                };
                 found.push(declared);
             }
             _ => {}
@@ -113,15 +118,14 @@ fn merge(known: &mut Resource, other: &Resource) -> Outcome<()> {
     known.bytes = known.bytes.max(other.bytes);
     known.compares |= other.compares;
     known.needs_normalized |= other.needs_normalized;
-    if let (Some(a), Some(b)) = (known.image, other.image)
-        && (a.dimension, a.arrayed) != (b.dimension, b.arrayed)
-    {
-        let (set, binding) = (known.set, known.binding);
-        return Err(format!(
-            "set {set} binding {binding} is declared as images of two kinds: one is {a}, one is {b}"
-        ));
-    }
-    known.image = known.image.or(other.image);
+    known.samples_integers |= other.samples_integers;
+    known.image = match (known.image, other.image) {
+        (Some(a), Some(b)) => Some(a.merged(b).ok_or_else(|| {
+            let (set, binding) = (known.set, known.binding);
+            format!("set {set} binding {binding} is declared as images of two kinds: one is {a}, one is {b}")
+        })?),
+        (a, b) => a.or(b),
+    };
     Ok(())
 }
 
@@ -178,8 +182,17 @@ fn resource(
         Op::TypeImage => Some(shape(index, element)?),
         _ => None,
     };
-    let (compares, needs_normalized) = (false, false);
-    let resource = Resource { set, binding, kind, count, bytes, image, compares, needs_normalized };
+    let resource = Resource {
+        set,
+        binding,
+        kind,
+        count,
+        bytes,
+        image,
+        compares: false,
+        needs_normalized: false,
+        samples_integers: false,
+    };
     Ok(Declared { variable: id, resource, is_array: element != ty })
 }
 

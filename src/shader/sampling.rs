@@ -1,7 +1,10 @@
 //! How a shader samples its images: which of them and which samplers it compares with, and which samplers it uses in a way
 //! that needs normalized coordinates.
 
-use super::{module::ids, usage::Usage};
+use super::{
+    module::{Index, ids},
+    usage::Usage,
+};
 use rspirv::{
     dr::{Function, Instruction, Operand},
     spirv::{ImageOperands, Op, Word},
@@ -16,10 +19,12 @@ pub(super) struct Sampling {
     /// With implicit level of detail, a comparison, projection or an offset. Vulkan allows none of these with coordinates
     /// that are not normalized.
     pub needs_normalized: bool,
+    /// For integers, which no sampler filters.
+    pub integers: bool,
 }
 
 /// How the variables are sampled, by id. Those that are not sampled are missing.
-pub(super) fn sampling(usage: &Usage) -> HashMap<Word, Sampling> {
+pub(super) fn sampling(index: &Index, usage: &Usage) -> HashMap<Word, Sampling> {
     let origins = Origins::new(usage);
     let mut found: HashMap<Word, Sampling> = HashMap::new();
     for instruction in usage.instructions() {
@@ -28,9 +33,17 @@ pub(super) fn sampling(usage: &Usage) -> HashMap<Word, Sampling> {
             let known = found.entry(variable).or_default();
             known.compares |= of_one.compares;
             known.needs_normalized |= of_one.needs_normalized;
+            known.integers |= returns_integers(index, instruction);
         }
     }
     found
+}
+
+/// Whether what an instruction reads is a vector of integers.
+fn returns_integers(index: &Index, instruction: &Instruction) -> bool {
+    let component = |ty| index.id_operand(ty, 0).and_then(|component| index.op(component));
+    let component = instruction.result_type.map(component);
+    matches!(component, Some(Ok(Op::TypeInt)))
 }
 
 /// How an instruction samples, if it does.
@@ -54,7 +67,8 @@ fn of(instruction: &Instruction) -> Option<Sampling> {
         .operands
         .iter()
         .any(|operand| matches!(operand, Operand::ImageOperands(mask) if mask.intersects(offset)));
-    Some(Sampling { compares, needs_normalized: implicit || compares || projects || offsets })
+    let needs_normalized = implicit || compares || projects || offsets;
+    Some(Sampling { compares, needs_normalized, integers: false })
 }
 
 /// Where values come from.

@@ -74,9 +74,9 @@ pub(super) fn attachment_flag(format: Format) -> vk::ImageUsageFlags {
     }
 }
 
-/// The value of Vulkan that clears a target.
-pub(crate) fn clear_color(color: ClearColor) -> vk::ClearColorValue {
-    match color {
+/// The value of Vulkan that clears a target of `format`. Vulkan does not say what becomes of integers that are too large.
+pub(crate) fn clear_color(format: Format, color: ClearColor) -> vk::ClearColorValue {
+    match crate::image::texel::limited_integers(format, color) {
         ClearColor::Float(float32) => vk::ClearColorValue { float32 },
         ClearColor::Uint(uint32) => vk::ClearColorValue { uint32 },
         ClearColor::Sint(int32) => vk::ClearColorValue { int32 },

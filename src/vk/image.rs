@@ -23,7 +23,7 @@ pub enum ImageUse {
     Sampled,
     /// Read and written as a storage image by shaders of passes ([`crate::pass::Binding::StorageImage`]) and by kernels of
     /// yours (a [`super::ResourceTable`]), and everything that [`ImageUse::Attachment`] is for. Devices draw to such images
-    /// and sample them more slowly. [`Format::Rgba8Srgb`] and depths are not written so.
+    /// and sample them more slowly. Devices write few formats so: none that is sRGB-encoded and no depths, and packed ones seldom.
     Storage,
     /// Drawn to by passes and sampled by their shaders, as often as wanted; also a texture that the host uploads. It can be uploaded and read back at any time, and
     /// holds zeros until something else is written.

@@ -56,6 +56,9 @@ pub(crate) struct DrawLimits {
     pub independent_blend: bool,
     /// Whether a depth bias may have a clamp.
     pub clamps_depth_bias: bool,
+    /// Whether it has logic operations, and the depth bounds test.
+    pub logic_ops: bool,
+    pub depth_bounds: bool,
     /// Commands of one indirect draw, and whether a buffer may say how many there are.
     pub commands: u32,
     pub counts_commands: bool,
@@ -78,6 +81,8 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         fragment_outputs: l.max_fragment_output_attachments,
         colors: l.max_color_attachments,
         independent_blend: probe.features.core.independent_blend == vk::TRUE,
+        depth_bounds: probe.features.core.depth_bounds == vk::TRUE,
+        logic_ops: probe.features.core.logic_op == vk::TRUE,
         clamps_depth_bias: probe.features.core.depth_bias_clamp == vk::TRUE,
         commands: match probe.features.core.multi_draw_indirect == vk::TRUE
             && probe.features.core.draw_indirect_first_instance == vk::TRUE

@@ -184,6 +184,11 @@ impl ResourceTable {
                 image.shape()
             )));
         }
+        if let Some(image) = image.filter(|image| image.format().is_integer()) {
+            let (name, format) = (image.name(), image.format());
+            let fault = format!("image `{name}` is {format:?}: tables of kernels take no integers");
+            return Err(Error::Usage(fault));
+        }
         match sampler {
             Some(sampler) if !sampler.plain => Err(Error::Usage(
                 "resource tables of kernels take samplers that neither compare nor count texels"

@@ -185,7 +185,7 @@ fn transparent_fragments_leave_texels_alone() {
                     // One or source alpha, and one or one minus that, are among those that keep texels.
                     let [src, dst, op] = match random.below(2) {
                         0 => [[6, 1, 0], [6, 7, 0], [1, 7, 0], [1, 1, 0]][random.below(4)],
-                        _ => [random.below(10), random.below(10), random.below(5)],
+                        _ => [random.below(15), random.below(15), random.below(5)],
                     };
                     src as u32
                         | (dst as u32) << abi::BLEND_TARGET_SHIFT
@@ -197,11 +197,12 @@ fn transparent_fragments_leave_texels_alone() {
             })
             .collect();
         let body = "uint c = v.y & ((1u << BLEND_BITS) - 1u), a = v.y >> COLOR_ALPHA_SHIFT;
+            vec4 constants = vec4(0.25, 0.5, 0.75, 0.125);
             vec4 source = saturate(vec4(unpackHalf2x16(v.z), unpackHalf2x16(v.w).x, -0.0));
             r = uvec4(v.x, v.x, blend_keeps(c, a) ? 1u : 0u, 0u);
             if (r.z != 0u) {
-                vec4 unorm = blend(c, a, source, color_decode(FORMAT_RGBA8_UNORM, v.xxxx), false);
-                vec4 srgb = blend(c, a, source, color_decode(FORMAT_RGBA8_SRGB, v.xxxx), false);
+                vec4 unorm = blend(c, a, source, color_decode(FORMAT_RGBA8_UNORM, v.xxxx), constants, false);
+                vec4 srgb = blend(c, a, source, color_decode(FORMAT_RGBA8_SRGB, v.xxxx), constants, false);
                 r.x = color_encode(FORMAT_RGBA8_UNORM, floatBitsToUint(unorm)).x;
                 r.y = color_encode(FORMAT_RGBA8_SRGB, floatBitsToUint(srgb)).x;
             }";

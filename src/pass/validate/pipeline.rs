@@ -52,17 +52,18 @@ fn merged(vertex: &Shader, fragment: &Shader) -> std::result::Result<Vec<Resourc
                 ));
             }
             Some(other) => {
-                if let (Some(a), Some(b)) = (other.image, resource.image)
-                    && (a.dimension, a.arrayed) != (b.dimension, b.arrayed)
-                {
-                    return Err(format!(
-                        "the image at set {} binding {} is {a} in `{}` and {b} in `{}`",
-                        other.set, other.binding, vertex.label, fragment.label
-                    ));
-                }
-                other.image = other.image.or(resource.image);
+                other.image = match (other.image, resource.image) {
+                    (Some(a), Some(b)) => Some(a.merged(b).ok_or_else(|| {
+                        format!(
+                            "the image at set {} binding {} is {a} in `{}` and {b} in `{}`",
+                            other.set, other.binding, vertex.label, fragment.label
+                        )
+                    })?),
+                    (a, b) => a.or(b),
+                };
                 other.compares |= resource.compares;
                 other.needs_normalized |= resource.needs_normalized;
+                other.samples_integers |= resource.samples_integers;
                 // 0 stands for a run-time array, which is as long as its binding.
                 let open = other.count == 0 || resource.count == 0;
                 other.count = if open { 0 } else { other.count.max(resource.count) };

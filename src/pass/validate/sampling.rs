@@ -41,14 +41,10 @@ pub(super) fn check_sampling(binding: &Binding, resource: &Resource) -> Fault {
         }
     }
     let Some(sampler) = sampler else { return Ok(()) };
-    if let Some(texture) = texture.filter(|texture| texture.format().is_integer())
-        && (sampler.is_linear() || sampler.has_border())
-    {
-        return Err(format!(
-            "texture `{}` holds integers, which are neither filtered nor have a border: sample the nearest texel, and \
-             clamp to the edge, repeat or mirror",
-            texture.label()
-        ));
+    if resource.samples_integers && (sampler.is_linear() || sampler.has_border()) {
+        return Err("the shader samples integers, which are neither filtered nor have a border: sample the nearest \
+                    texel, and clamp to the edge, repeat or mirror"
+            .into());
     }
     sampler.check().map_err(|fault| format!("sampler: {fault}"))?;
     if resource.compares && sampler.compare.is_none() {
