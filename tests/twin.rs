@@ -105,6 +105,20 @@ fn pipeline(random: &mut Random, vertex: &Arc<Shader>, fragment: &Arc<Shader>) -
         .blend((random.below(4) == 0).then_some(Blend::ALPHA))
 }
 
+/// `pass` with draws that are bounded by the depths that are there.
+pub fn bounded(seed: u64, mut pass: Pass) -> Pass {
+    let mut random = Random::new(seed ^ 0x626f_756e_6473);
+    for (draw, pipeline) in pass.draws.iter_mut().zip(&mut pass.pipelines) {
+        if random.below(6) == 0 {
+            let depths = [(); 2].map(|()| [0.0, 0.5, 1.0, random.unit()][random.below(4)]);
+            draw.depth_bounds = [depths[0].min(depths[1]), depths[0].max(depths[1])];
+            let bounded = pipeline.depth.bounds(true);
+            *pipeline = Arc::new((**pipeline).clone().depth(bounded));
+        }
+    }
+    pass
+}
+
 /// A pass of a few draws in a random target.
 pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
     let mut random = Random::new(seed);
@@ -178,16 +192,6 @@ pub fn random_pass(seed: u64, shaders: &(Arc<Shader>, Arc<Shader>)) -> Pass {
         pass.pipelines.push(Arc::new(pipeline));
         pass.draws.push(draw);
     }
-    // A draw may be bounded by the depths that are there. Numbers of their own leave those above as they are.
-    let mut random = Random::new(seed ^ 0x626f_756e_6473);
-    for (draw, pipeline) in pass.draws.iter_mut().zip(&mut pass.pipelines) {
-        if random.below(6) == 0 {
-            let depths = [(); 2].map(|()| [0.0, 0.5, 1.0, random.unit()][random.below(4)]);
-            draw.depth_bounds = [depths[0].min(depths[1]), depths[0].max(depths[1])];
-            let bounded = pipeline.depth.bounds(true);
-            *pipeline = Arc::new((**pipeline).clone().depth(bounded));
-        }
-    }
     pass
 }
 
@@ -244,7 +248,7 @@ fn random_meshes(gpu: &Gpu, seeds: std::ops::Range<u64>) {
             varying_words: 1 << 16,
         });
         let variation = Variation::ALL[seed as usize / 10 % 4];
-        let pass = random_pass(seed, &shaders);
+        let pass = bounded(seed, random_pass(seed, &shaders));
         let (pass, snapshot) = variation.apply(&mut renderer, seed, pass);
         let (_, trace) = renderer.trace(&pass).expect("the pass is drawn");
         seen += pixels(&trace);
