@@ -64,7 +64,7 @@ fn pass(format: Format, state: ColorState, depth: DepthState, seed: u64) -> Pass
     pass
 }
 
-/// Half the distance of two neighbouring values of each channel near `value`.
+/// The distance of two neighbouring values of each channel near `value`.
 fn steps(format: Format, value: [f32; 4]) -> [f32; 4] {
     let float = |bits: i32, value: f32| {
         let exponent = value.abs().max(2f32.powi(-14)).log2().floor() as i32;
