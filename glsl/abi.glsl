@@ -93,6 +93,7 @@ struct Piece {
     uint color_states[MAX_COLORS];
     vec3 depth_bias;
     vec2 depth_bounds;
+    vec2 depth_limits;
     vec4 blend_constants;
 };
 
@@ -132,6 +133,7 @@ struct QuadPiece {
     uvec4 colors[MAX_COLORS / 4u]; // color_states
     vec3 depth_bias;
     vec2 depth_bounds;
+    vec2 depth_limits;
     vec4 blend_constants;
 };
 

@@ -18,10 +18,27 @@ void tw_bind_attribute(const in uint location) {
     bound_attributes[location] = Attribute(words.x, words.y, words.z, words.w);
 }
 
-// The component at byte `byte` of the buffer in table slot `slot`. Components are aligned to their size.
-uint fetch_component(const uint slot, const uint component, const uint byte) {
+// What is in the buffer in table slot `slot` from byte `byte` on, where a component of the packing begins.
+uint fetch_word(const uint slot, const uint packing, const uint byte) {
     uint word = table[nonuniformEXT(slot)].words[byte >> 2];
-    return component_value(component, component_bytes(component) == 4u ? word : word >> ((byte & 3u) * 8u));
+    return component_bytes(packing) == 4u ? word : word >> ((byte & 3u) * 8u);
+}
+
+bool is_divided(const uint location) {
+    return (attribute_format(location) & ATTRIBUTE_DIVIDED) != 0u;
+}
+
+// The element that the bound instance reads.
+uint element_of_instance(const uint location) {
+    if (!is_divided(location)) return uint(tw_InstanceIndex);
+    uint divisor = bound_attributes[location].stride >> ATTRIBUTE_DIVISOR_SHIFT;
+    uint after_first = uint(tw_InstanceIndex - tw_BaseInstance);
+    return uint(tw_BaseInstance) + (divisor == 0u ? 0u : after_first / divisor);
+}
+
+uint stride_of(const uint location) {
+    uint stride = bound_attributes[location].stride;
+    return is_divided(location) ? stride & ((1u << ATTRIBUTE_DIVISOR_SHIFT) - 1u) : stride;
 }
 
 bool is_per_instance(const uint location) {
@@ -33,17 +50,17 @@ uvec4 fetch(const uint location) {
     uvec4 value = uvec4(0u);
     uint format = attribute_format(location);
     if (format == 0u) return value;
-    uint component = format & ((1u << ATTRIBUTE_COUNT_SHIFT) - 1u), count = attribute_count(location);
+    uint packing = attribute_packing(location), count = attribute_count(location);
     // No local variable holds the attribute: a lane that is switched off would leave the variable undefined.
-    uint index = min(uint(is_per_instance(location) ? tw_InstanceIndex : tw_VertexIndex), bound_attributes[location].last);
-    uint byte = bound_attributes[location].offset + bound_attributes[location].stride * index;
-    uint slot = bound_attributes[location].slot + (byte >> WINDOW_LOG2), size = component_bytes(component);
+    uint element = min(is_per_instance(location) ? element_of_instance(location) : uint(tw_VertexIndex), bound_attributes[location].last);
+    uint byte = bound_attributes[location].offset + stride_of(location) * element;
+    uint slot = bound_attributes[location].slot + (byte >> WINDOW_LOG2);
     byte &= (1u << WINDOW_LOG2) - 1u;
-    value.x = fetch_component(slot, component, byte);
-    if (count > 1u) value.y = fetch_component(slot, component, byte + size);
-    if (count > 2u) value.z = fetch_component(slot, component, byte + 2u * size);
-    if (count > 3u) value.w = fetch_component(slot, component, byte + 3u * size);
-    return value;
+    value.x = fetch_word(slot, packing, byte + component_byte(packing, 0u));
+    if (count > 1u) value.y = fetch_word(slot, packing, byte + component_byte(packing, 1u));
+    if (count > 2u) value.z = fetch_word(slot, packing, byte + component_byte(packing, 2u));
+    if (count > 3u) value.w = fetch_word(slot, packing, byte + component_byte(packing, 3u));
+    return attribute_decode(attribute_numeric(location), packing, value);
 }
 
 uvec4 attribute_value(const uint location, const uint one) {

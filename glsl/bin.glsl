@@ -70,13 +70,13 @@ bool beats(const Bin bin, const uint i, const ivec2 p, const float z, const uint
 }
 
 // Sets the bin's pixels to their state before the batch or, if `single`, to one surface: the depth of
-// `plane`, whose bias comes last, and the key `key`.
-void fill(const Bin bin, const bool single, const uint key, const vec4 plane) {
+// `plane`, adjusted, and the key `key`.
+void fill(const Bin bin, const bool single, const uint key, const vec3 plane, const vec3 adjustment) {
     [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
         if (!in_target(bin, p)) continue;
         float z = 0.0;
-        if (single) z = depth_at(plane.xyz, plane.w, bin.origin + p + ivec2(0, int(batch.origin_y)));
+        if (single) z = depth_at(plane, adjustment, bin.origin + p + ivec2(0, int(batch.origin_y)));
         else if (!IN_PLACE) z = depth[depth_place(bin, p)];
         if (IN_PLACE && key == 0u) visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = 0u;
         else hold(bin, i, p, z, key);
@@ -84,14 +84,14 @@ void fill(const Bin bin, const bool single, const uint key, const vec4 plane) {
 }
 
 // Writes the depth of a triangle that covers the bin to all of its pixels. Shading such a bin needs no visibility.
-void cover(const Bin bin, const vec4 plane) {
+void cover(const Bin bin, const vec3 plane, const vec3 adjustment) {
     ivec2 lane_pixel = ivec2(tile_pixel(gl_SubgroupInvocationID));
     [[dont_unroll]] for (int left = 0; left <= BIN_LAST.x; left += 1 << PATCH_X_LOG2) {
         int x = left + lane_pixel.x;
         float column = depth_of_column(plane.x, plane.y, bin.origin.x + x);
         [[dont_unroll]] for (int top = 0; top <= BIN_LAST.y; top += 1 << PATCH_Y_LOG2) {
             int y = top + lane_pixel.y;
-            depth[depth_place(bin, ivec2(x, y))] = depth_in_column(column, plane.z, plane.w, bin.origin.y + int(batch.origin_y) + y);
+            depth[depth_place(bin, ivec2(x, y))] = depth_in_column(column, plane.z, adjustment, bin.origin.y + int(batch.origin_y) + y);
         }
     }
 }

@@ -6,7 +6,7 @@
 #define BOUND_GLSL
 #extension GL_EXT_nonuniform_qualifier : require
 #include "abi.glsl"
-layout(constant_id = SPEC_BIASED) const bool BIASED = false;
+layout(constant_id = SPEC_ADJUSTED) const bool ADJUSTED = false;
 #include "lib/depth.glsl"
 #include "lib/interpolate.glsl"
 #include "lib/key.glsl"
@@ -32,13 +32,13 @@ uint piece_varyings, piece_vertices, varying_stride;
 struct Bound {
     uint key;
     vec3 plane; // depth at the pixel (0, 0), its change to the right and down
-    float bias;
+    vec3 adjustment;
     uint flags;
     vec3 x, y, w; // clip-space positions of its vertices, the nearest first, times `scale`
     float scale;
 };
 
-Bound bound = Bound(0u, vec3(0.0), 0.0, 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0);
+Bound bound = Bound(0u, vec3(0.0), NO_ADJUSTMENT, 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0);
 
 // Varyings, bound two locations at a time: the quad's first two lanes hold the words of the even location, two words
 // each, and its last two lanes those of the odd one. Each array has this lane's first word at the even location and
@@ -93,11 +93,12 @@ Bound bind_triangle(const uint key) {
     vec3 w = vec3(a.w, b.w, c.w);
     uint first = nearest(w);
     vec3 plane = uintBitsToFloat(fields.xyz);
-    float bias = 0.0;
-    if (BIASED && (vertices.w & TRIANGLE_BIASED) != 0u) {
-        bias = bias_of(pieces[fields.w].depth_bias, plane.yz, vertices.w >> TRIANGLE_EXPONENT_SHIFT);
+    vec3 adjustment = NO_ADJUSTMENT;
+    if (ADJUSTED && (vertices.w & TRIANGLE_ADJUSTED) != 0u) {
+        float bias = bias_of(pieces[fields.w].depth_bias, plane.yz, vertices.w >> TRIANGLE_EXPONENT_SHIFT);
+        adjustment = vec3(bias, pieces[fields.w].depth_limits);
     }
-    bound = Bound(key, plane, bias, vertices.w, corners_from(first, vec3(a.x, b.x, c.x)),
+    bound = Bound(key, plane, adjustment, vertices.w, corners_from(first, vec3(a.x, b.x, c.x)),
                   corners_from(first, vec3(a.y, b.y, c.y)), corners_from(first, w), scale);
     bind(fields.w);
     uvec3 base = (piece_varyings + (vertices.xyz - piece_vertices) * varying_stride) >> 1;

@@ -18,6 +18,7 @@ int tw_PrimitiveID;
 float tw_FragDepth;
 bool tw_HelperInvocation;
 
+float surface_depth; // of the triangle at the pixel, as the target keeps it
 vec3 perspective; // barycentric weights for smooth varyings
 vec3 linear;      // for noperspective ones
 // A statement for each output location, by its number. It is written out, and the file is compiled for one colour target
@@ -122,7 +123,8 @@ void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     float depth_w = interpolate(perspective, triangle.w);
     linear = depth_w != 0.0 ? perspective * triangle.w / depth_w : vec3(1.0, 0.0, 0.0);
 
-    float z = depth_at(triangle.plane, triangle.bias, pixel);
+    surface_depth = depth_at(triangle.plane, triangle.adjustment, pixel);
+    float z = ADJUSTED ? free_depth_at(triangle.plane, triangle.adjustment, pixel) : surface_depth;
     tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? triangle.scale / depth_w : 0.0);
     tw_FragDepth = z;
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;

@@ -103,9 +103,10 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     bool test = (depth_state & (DEPTH_STATE_TEST | DEPTH_STATE_BOUNDS)) != 0u, write = (depth_state & DEPTH_STATE_WRITE) != 0u;
     vec2 bounds = vec2(0.0);
     if ((depth_state & DEPTH_STATE_BOUNDS) != 0u) bounds = pieces[piece].depth_bounds;
-    float bias = 0.0;
-    if (BIASED && (depth_state & DEPTH_STATE_BIAS) != 0u) {
-        bias = bias_of(pieces[piece].depth_bias, z_plane.yz, of_second_half(own_shading).w >> TRIANGLE_EXPONENT_SHIFT);
+    vec3 adjustment = NO_ADJUSTMENT;
+    if (ADJUSTED && (depth_state & DEPTH_STATE_ADJUSTED) != 0u) {
+        adjustment.x = bias_of(pieces[piece].depth_bias, z_plane.yz, of_second_half(own_shading).w >> TRIANGLE_EXPONENT_SHIFT);
+        adjustment.yz = pieces[piece].depth_limits;
     }
     uvec4 states[MAX_COLORS / 4u];
     states[0] = of_quad(pieces[piece].colors[0][QUAD_LANE]);
@@ -131,7 +132,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                 }
                 if (alive && test && DEPTH != DEPTH_LATE) {
                     uint at = uint(local_origin.y + y) * batch.width + uint(local_origin.x + x);
-                    float z = depth_in_column(z_column, z_plane.z, bias, origin.y + y);
+                    float z = depth_in_column(z_column, z_plane.z, adjustment, origin.y + y);
                     alive = passes(depth_state, z, depth[at], bounds);
                     if (DEPTH == DEPTH_EARLY && alive && write) depth[at] = z;
                 }
@@ -153,10 +154,10 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
             shade(triangle, origin + p, !alive);
             uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
             bool keep = alive && !tw_HelperInvocation;
-            float late = kept_depth(tw_FragDepth);
+            float late = kept_depth(ADJUSTED ? limited_depth(tw_FragDepth, adjustment) : tw_FragDepth);
             if (keep && test && DEPTH == DEPTH_LATE) keep = passes(depth_state, late, depth[at], bounds);
             if (keep) {
-                float z = DEPTH == DEPTH_LATE ? late : tw_FragCoord.z;
+                float z = DEPTH == DEPTH_LATE ? late : surface_depth;
                 if (write && DEPTH != DEPTH_EARLY) depth[at] = z;
                 if (batch.traced != 0u) {
                     uint pixel = tile_index(uvec2(p));

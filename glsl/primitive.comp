@@ -15,7 +15,7 @@
 #version 460
 #include "pieces.glsl"
 #include "lib/cells.glsl"
-const bool BIASED = true;
+const bool ADJUSTED = true;
 #include "lib/depth.glsl"
 #include "lib/window.glsl"
 
@@ -86,12 +86,12 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
     }
 
     vec3 plane = depth_plane(a, b, c);
-    uint biased = 0u;
-    if ((piece.depth_state & DEPTH_STATE_BIAS) != 0u) {
+    uint adjusted = 0u;
+    if ((piece.depth_state & DEPTH_STATE_ADJUSTED) != 0u) {
         float largest = max(abs(a.z), max(abs(b.z), abs(c.z)));
-        biased = TRIANGLE_BIASED | floatBitsToUint(largest) >> 23 << TRIANGLE_EXPONENT_SHIFT;
+        adjusted = TRIANGLE_ADJUSTED | floatBitsToUint(largest) >> 23 << TRIANGLE_EXPONENT_SHIFT;
     }
-    uint flags = biased | TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
+    uint flags = adjusted | TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
     uvec2 first = uvec2(low - ivec2(0, int(batch.origin_y))), last = uvec2(high - ivec2(0, int(batch.origin_y)));
     ivec3 x = ivec3(sa.x, sb.x, sc.x), y = ivec3(sa.y, sb.y, sc.y);
     uint level = cell_level(x, y, first, last, batch.origin_y);
@@ -129,8 +129,9 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec4 a = window_positions[slots.x], b = window_positions[slots.y], c = window_positions[slots.z];
 
     // A primitive that lies wholly outside one plane of the view volume draws nothing; it need not be clipped.
-    uint code = a.w | b.w | c.w, count = 3u, made = 0u;
-    if ((a.w & b.w & c.w & OUT_PLANES) != 0u || (code & OUT_UNUSABLE) != 0u) {
+    uint planes = (piece.depth_state & DEPTH_STATE_UNCLIPPED) == 0u ? OUT_PLANES : OUT_SIDES;
+    uint code = (a.w | b.w | c.w) & (planes | OUT_BEHIND | OUT_UNUSABLE), count = 3u, made = 0u;
+    if ((a.w & b.w & c.w & planes) != 0u || (code & OUT_UNUSABLE) != 0u) {
         store_nothing(primitive);
         return NONE;
     }

@@ -24,7 +24,7 @@
 layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 layout(constant_id = SPEC_COMPARE) const uint COMPARE = COMPARE_LESS;
 layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
-layout(constant_id = SPEC_BIASED) const bool BIASED = false;
+layout(constant_id = SPEC_ADJUSTED) const bool ADJUSTED = false;
 
 #include "bin.glsl"
 #include "lib/cells.glsl"
@@ -58,7 +58,7 @@ void main() {
     vec2 held = bin_bounds[bin.number];
     bool flat_before = held.x == held.y;
     uint base_key = 0u;
-    vec4 base = vec4(held.x, 0.0, 0.0, 0.0); // plane and bias
+    vec3 base = vec3(held.x, 0.0, 0.0), base_adjustment = NO_ADJUSTMENT;
     vec2 base_bounds = GREATER ? held.yx : held; // nearest, farthest
     // For each block a bound of its farthest depth. The bound of a `touched` block may be out of date; it is
     // computed anew in the round `due`. If that changes no bound, the next time comes after twice as many rounds.
@@ -81,10 +81,10 @@ void main() {
             ivec3 x = ivec3(x_low.xyz), y = ivec3(y_high.xyz);
             uint low_bits = x_low.w, high_bits = y_high.w;
             vec3 plane = uintBitsToFloat(uvec3(triangles[at].shading[0], triangles[at].shading[1].x));
-            float bias = 0.0;
-            if (BIASED && (triangles[at].shading[3].y & TRIANGLE_BIASED) != 0u) {
+            vec3 adjustment = NO_ADJUSTMENT;
+            if (ADJUSTED && (triangles[at].shading[3].y & TRIANGLE_ADJUSTED) != 0u) {
                 uint piece = triangles[at].shading[1].y, exponent = triangles[at].shading[3].y >> TRIANGLE_EXPONENT_SHIFT;
-                bias = bias_of(pieces[piece].depth_bias, plane.yz, exponent);
+                adjustment = vec3(bias_of(pieces[piece].depth_bias, plane.yz, exponent), pieces[piece].depth_limits);
             }
             // A bin that reaches beyond the target is cut at the target's border.
             uint cut = inside ? triangles[at].shading[3].y & TRIANGLE_CUT : TRIANGLE_CUT;
@@ -96,7 +96,7 @@ void main() {
             if (single) {
                 ivec3 least = edges.at + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
                 ivec3 most = edges.at + max(edges.dx, 0) * BIN_LAST.x + max(edges.dy, 0) * BIN_LAST.y;
-                vec2 bounds = depth_bounds(plane, bias, origin, BIN_LAST);
+                vec2 bounds = depth_bounds(plane, adjustment, origin, BIN_LAST);
                 bool covers = COVERS_WHOLE_BINS && (least.x | least.y | least.z) >= 0 && inside && all(lessThanEqual(low, ivec2(0))) &&
                               all(greaterThanEqual(high, BIN_LAST));
                 uvec4 mask = lanes_where(live && (most.x | most.y | most.z) >= 0), covering = lanes_where(covers);
@@ -107,7 +107,8 @@ void main() {
                     if (in_front(base_bounds.y, bounds_j.x)) continue;
                     if (has_lane(covering, j) && in_front(bounds_j.y, base_bounds.x)) {
                         base_key = subgroupShuffle(key, j);
-                        base = subgroupShuffle(vec4(plane, bias), j);
+                        base = subgroupShuffle(plane, j);
+                        if (ADJUSTED) base_adjustment = subgroupShuffle(adjustment, j);
                         base_bounds = bounds_j;
                     } else {
                         single = false;
@@ -115,7 +116,7 @@ void main() {
                 }
                 if (single) continue;
                 // From here on pixels are tested one by one. This round starts again: no triangle can win twice.
-                fill(bin, base_key != 0u || (flat_before && !IN_PLACE), base_key, base);
+                fill(bin, base_key != 0u || (flat_before && !IN_PLACE), base_key, base, base_adjustment);
                 any = base_key;
                 farthest = vec4(base_bounds.y);
             }
@@ -136,7 +137,7 @@ void main() {
                     touched &= ~(1u << b);
                 }
                 uint patches = patches_touched(at_block, edges.dx, edges.dy, low - block, high - block);
-                hit = hit && patches != 0u && !in_front(farthest[b], depth_bounds(plane, bias, origin + block, BLOCK_LAST).x);
+                hit = hit && patches != 0u && !in_front(farthest[b], depth_bounds(plane, adjustment, origin + block, BLOCK_LAST).x);
                 uvec4 mask = lanes_where(hit);
                 if (!has_lanes(mask)) continue;
                 touched |= 1u << b;
@@ -146,8 +147,8 @@ void main() {
                     ivec3 dx = subgroupShuffle(edges.dx, j), dy = subgroupShuffle(edges.dy, j);
                     ivec3 start = subgroupShuffle(at_block, j) + dx * lane_pixel.x + dy * lane_pixel.y;
                     vec3 plane_j = subgroupShuffle(plane, j);
-                    float bias_j = 0.0;
-                    if (BIASED) bias_j = subgroupShuffle(bias, j);
+                    vec3 adjustment_j = NO_ADJUSTMENT;
+                    if (ADJUSTED) adjustment_j = subgroupShuffle(adjustment, j);
                     uint key_j = subgroupShuffle(key, j);
                     bool cut_j = subgroupShuffle(cut, j) != 0u;
                     ivec2 low_j = subgroupShuffle(low, j), high_j = subgroupShuffle(high, j);
@@ -161,7 +162,7 @@ void main() {
                         bool wins = covered(e, origin + p);
                         if (cut_j) wins = wins && all(greaterThanEqual(p, low_j)) && all(lessThanEqual(p, high_j));
                         if (wins) {
-                            float z = depth_at(plane_j, bias_j, origin + p);
+                            float z = depth_at(plane_j, adjustment_j, origin + p);
                             uint pixel = b * BLOCK + i + lane;
                             if (beats(bin, pixel, p, z, key_j)) {
                                 hold(bin, pixel, p, z, key_j);
@@ -182,8 +183,8 @@ void main() {
     vec2 bounds = base_bounds;
     if (single) {
         if (base_key == 0u) return;
-        cover(bin, base);
-        if (base.yz == vec2(0.0)) bounds = vec2(depth_at(vec3(base.x, 0.0, 0.0), base.w, ivec2(0)));
+        cover(bin, base, base_adjustment);
+        if (base.yz == vec2(0.0)) bounds = vec2(depth_at(base, base_adjustment, ivec2(0)));
         shown = 1u << fragment_kernel_of(base_key);
     } else {
         if (!has_lanes(lanes_where(any != 0u))) return;

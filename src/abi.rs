@@ -74,8 +74,8 @@ shared_constants! {
     pub const SPEC_COMPARE: u32 = 1;
     /// Specialization constant: whether raster keeps the pixels of a bin in the targets' own memory.
     pub const SPEC_IN_PLACE: u32 = 6;
-    /// Specialization constant: whether triangles of the batch may have a depth bias.
-    pub const SPEC_BIASED: u32 = 8;
+    /// Specialization constant: whether the depths of the batch's triangles may be adjusted: by a bias, or by limits of their own.
+    pub const SPEC_ADJUSTED: u32 = 8;
     /// Specialization constant: the formats of the first four colour targets, a byte each, [`NO_FORMAT`] where there is no
     /// target.
     pub const SPEC_FORMATS: u32 = 2;
@@ -87,13 +87,21 @@ shared_constants! {
     /// vertex shader at other locations are not stored.
     pub const SPEC_READ: u32 = 7;
     /// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
-    /// there is none: its `Component`, the number of components from bit
-    /// [`ATTRIBUTE_COUNT_SHIFT`] on, and [`ATTRIBUTE_PER_INSTANCE`].
+    /// there is none: its `Numeric`, its `Packing` and the number of components from the bits `ATTRIBUTE_*_SHIFT` on, and
+    /// [`ATTRIBUTE_PER_INSTANCE`].
     pub const SPEC_ATTRIBUTE: u32 = 128;
+    /// Attribute format: first of four bits of the packing; the numeric kind comes before.
+    pub const ATTRIBUTE_PACKING_SHIFT: u32 = 4;
     /// Attribute format: first bit of the number of components.
     pub const ATTRIBUTE_COUNT_SHIFT: u32 = 8;
     /// Attribute format: it is the same for all vertices of an instance.
     pub const ATTRIBUTE_PER_INSTANCE: u32 = 4096;
+    /// Attribute format: it is the same for several instances too, as [`Attribute::stride`] says.
+    pub const ATTRIBUTE_DIVIDED: u32 = 8192;
+    /// [`Attribute::stride`]: first bit of the divisor.
+    pub const ATTRIBUTE_DIVISOR_SHIFT: u32 = 12;
+    /// The greatest divisor.
+    pub const MAX_DIVISOR: u32 = (1 << (32 - ATTRIBUTE_DIVISOR_SHIFT)) - 1;
     /// Depth test before the shader, write after it unless it discards.
     pub const DEPTH_EARLY_TEST: u32 = 0;
     /// Depth test and write after the shader.
@@ -128,15 +136,15 @@ shared_constants! {
     pub const TRIANGLE_FRONT: u32 = 2;
     /// [`Triangle::flags`]: its bounds are cut by the viewport or scissor, so pixels must be tested against them.
     pub const TRIANGLE_CUT: u32 = 4;
-    /// [`Triangle::flags`]: its depths have a bias.
-    pub const TRIANGLE_BIASED: u32 = 8;
+    /// [`Triangle::flags`]: its depths are adjusted ([`DEPTH_STATE_ADJUSTED`]).
+    pub const TRIANGLE_ADJUSTED: u32 = 8;
     /// [`Triangle::flags`]: first bit of its cell level.
     pub const TRIANGLE_LEVEL_SHIFT: u32 = 4;
     /// [`Triangle::flags`]: first bit of the number of triangles its primitive was clipped into, less one.
     pub const TRIANGLE_EXTRA_SHIFT: u32 = 8;
     /// [`Triangle::flags`]: bits of that number.
     pub const TRIANGLE_EXTRA_BITS: u32 = 4;
-    /// [`Triangle::flags`]: first of eight bits, the exponent of the largest depth of its corners if it has a bias.
+    /// [`Triangle::flags`]: first of eight bits, the exponent of the largest depth of its corners if they are adjusted.
     pub const TRIANGLE_EXPONENT_SHIFT: u32 = 16;
 
     /// Most colour targets.
@@ -151,10 +159,12 @@ shared_constants! {
     pub const DEPTH_STATE_TEST: u32 = 1;
     /// [`Piece::depth_state`]: a fragment that passes writes its depth.
     pub const DEPTH_STATE_WRITE: u32 = 2;
-    /// [`Piece::depth_state`]: [`Piece::depth_bias`] is not zero.
-    pub const DEPTH_STATE_BIAS: u32 = 4;
+    /// [`Piece::depth_state`]: depths are adjusted by [`Piece::depth_bias`] and kept in [`Piece::depth_limits`].
+    pub const DEPTH_STATE_ADJUSTED: u32 = 4;
     /// [`Piece::depth_state`]: the depth that is there must be within [`Piece::depth_bounds`].
     pub const DEPTH_STATE_BOUNDS: u32 = 64;
+    /// [`Piece::depth_state`]: primitives are not clipped at the near and the far plane.
+    pub const DEPTH_STATE_UNCLIPPED: u32 = 128;
     /// [`Piece::depth_state`]: first bit of the `Compare`.
     pub const DEPTH_STATE_COMPARE_SHIFT: u32 = 3;
 
@@ -358,6 +368,8 @@ pub struct Piece {
     pub depth_bias: [f32; 3],
     /// Least and greatest depth of the depth bounds test.
     pub depth_bounds: [f32; 2],
+    /// Least and greatest depth of a fragment.
+    pub depth_limits: [f32; 2],
     /// Constant colour and constant alpha of blending.
     pub blend_constants: [f32; 4],
 }
@@ -370,7 +382,8 @@ pub struct Attribute {
     pub slot: u32,
     /// Byte of element 0.
     pub offset: u32,
-    /// Bytes from element to element.
+    /// Bytes from element to element, below the bit [`ATTRIBUTE_DIVISOR_SHIFT`]; from there on the instances that read the same
+    /// element, 0 for all instances of a draw, if the attribute is [`ATTRIBUTE_DIVIDED`].
     pub stride: u32,
     /// The last element that the buffer's range holds. Elements beyond it are read as this one.
     pub last: u32,

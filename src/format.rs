@@ -19,6 +19,10 @@ shared_enum! {
         Sint = 5,
         /// A depth in 0..=1.
         Depth = 6,
+        /// An unsigned integer that shaders see as a float. Only vertices have it.
+        Uscaled = 7,
+        /// A signed integer that shaders see as a float. Only vertices have it.
+        Sscaled = 8,
     }
 }
 
@@ -42,6 +46,27 @@ shared_enum! {
         R5g6b5 = 6,
         /// From the lowest of 16 bits: 5 bits of blue, of green and of red, 1 bit of alpha.
         A1r5g5b5 = 7,
+        /// As [`Packing::Rgb10a2`] with blue first. Only vertices have it.
+        Bgr10a2 = 8,
+    }
+}
+
+// Kernels find the bytes of a channel by the order of the packings that share no word.
+const _: () = {
+    let [bytes, halves, words] = [Packing::Bits8, Packing::Bits16, Packing::Bits32];
+    assert!(bytes as u32 == 0 && halves as u32 == 1 && words as u32 == 2);
+};
+
+impl Packing {
+    /// Bytes of so many channels.
+    const fn bytes(self, channels: usize) -> usize {
+        match self {
+            Packing::Bits8 => channels,
+            Packing::Bits16 => 2 * channels,
+            Packing::Bits32 => 4 * channels,
+            Packing::R5g6b5 | Packing::A1r5g5b5 => 2,
+            Packing::Bgra8 | Packing::Rgb10a2 | Packing::Bgr10a2 | Packing::Rg11b10 => 4,
+        }
     }
 }
 
@@ -70,6 +95,7 @@ macro_rules! formats {
 
 /// The number of a format, which `glsl/lib/color.glsl` takes apart.
 const fn number(numeric: Numeric, packing: Packing, channels: u32) -> u32 {
+    assert!((numeric as u32) < 8 && (packing as u32) < 8, "three bits each");
     numeric as u32 | (packing as u32) << 3 | (channels - 1) << 6
 }
 
@@ -190,13 +216,7 @@ impl Format {
 
     /// Bytes of one texel.
     pub const fn texel_bytes(self) -> usize {
-        match self.packing() {
-            Packing::Bits8 => self.channels(),
-            Packing::Bits16 => 2 * self.channels(),
-            Packing::Bits32 => 4 * self.channels(),
-            Packing::R5g6b5 | Packing::A1r5g5b5 => 2,
-            Packing::Bgra8 | Packing::Rgb10a2 | Packing::Rg11b10 => 4,
-        }
+        self.packing().bytes(self.channels())
     }
 
     /// Bytes of one texel where kernels read and write it.
@@ -215,80 +235,70 @@ impl Format {
     }
 }
 
-/// The format of one vertex attribute in memory. The shader sees the usual Vulkan conversion:
-/// missing components become 0, a missing fourth becomes 1.
+/// The format of one vertex attribute in memory. The shader sees the usual Vulkan conversion: missing components become 0, a
+/// missing fourth becomes 1.
+///
+/// Every [`Format`] of colours is one too: `VertexFormat::from(Format::Rgb10a2Unorm)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct VertexFormat {
-    /// How one component is stored, and how the shader sees it.
-    pub component: Component,
-    /// Components, 1 to 4.
+    /// What the bits of a component mean.
+    pub numeric: Numeric,
+    /// Where the components lie.
+    pub packing: Packing,
+    /// Components, 1 to 4. Packings that share a word have as many as their name says.
     pub count: u8,
 }
 
-shared_enum! {
-    /// Storage of one component of a vertex attribute.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-    pub enum Component {
-        /// 32-bit float.
-        F32 = 0,
-        /// Unsigned byte, read as an integer.
-        U8 = 1,
-        /// Signed byte, read as an integer.
-        I8 = 2,
-        /// Unsigned 16-bit, read as an integer.
-        U16 = 3,
-        /// Signed 16-bit, read as an integer.
-        I16 = 4,
-        /// Unsigned 32-bit integer.
-        U32 = 5,
-        /// Signed 32-bit integer.
-        I32 = 6,
-        /// Unsigned byte, normalized to 0..=1.
-        U8Norm = 7,
-        /// Signed byte, normalized to -1..=1.
-        I8Norm = 8,
-        /// Unsigned 16-bit, normalized to 0..=1.
-        U16Norm = 9,
-        /// Signed 16-bit, normalized to -1..=1.
-        I16Norm = 10,
-    }
-}
-
-impl Component {
-    /// Bytes of one component.
-    pub const fn bytes(self) -> usize {
-        match self {
-            Component::F32 | Component::U32 | Component::I32 => 4,
-            Component::U16 | Component::I16 | Component::U16Norm | Component::I16Norm => 2,
-            Component::U8 | Component::I8 | Component::U8Norm | Component::I8Norm => 1,
-        }
-    }
-
-    /// Whether the shader sees a float.
-    pub const fn is_float(self) -> bool {
-        matches!(
-            self,
-            Component::F32
-                | Component::U8Norm
-                | Component::I8Norm
-                | Component::U16Norm
-                | Component::I16Norm
-        )
+impl From<Format> for VertexFormat {
+    fn from(format: Format) -> Self {
+        let (numeric, packing, channels) = format.parts();
+        Self::new(numeric, packing, channels as u8)
     }
 }
 
 impl VertexFormat {
     /// One float.
-    pub const F32X1: Self = Self { component: Component::F32, count: 1 };
+    pub const F32X1: Self = Self::new(Numeric::Float, Packing::Bits32, 1);
     /// Two floats.
-    pub const F32X2: Self = Self { component: Component::F32, count: 2 };
+    pub const F32X2: Self = Self::new(Numeric::Float, Packing::Bits32, 2);
     /// Three floats.
-    pub const F32X3: Self = Self { component: Component::F32, count: 3 };
+    pub const F32X3: Self = Self::new(Numeric::Float, Packing::Bits32, 3);
     /// Four floats.
-    pub const F32X4: Self = Self { component: Component::F32, count: 4 };
+    pub const F32X4: Self = Self::new(Numeric::Float, Packing::Bits32, 4);
+
+    /// So many components whose bits mean this and lie there.
+    pub const fn new(numeric: Numeric, packing: Packing, count: u8) -> Self {
+        Self { numeric, packing, count }
+    }
 
     /// Bytes of the whole attribute, without padding.
     pub const fn bytes(self) -> usize {
-        self.component.bytes() * self.count as usize
+        self.packing.bytes(self.count as usize)
+    }
+
+    /// Bytes whose multiples its place in memory must be: those of a component, or of the word that components share.
+    pub const fn alignment(self) -> usize {
+        match self.packing {
+            Packing::Bgra8 => 1,
+            _ => self.packing.bytes(1),
+        }
+    }
+
+    /// Whether Vulkan has such a format.
+    pub(crate) const fn exists(self) -> bool {
+        use Numeric::*;
+        let channels = match self.packing {
+            Packing::Bits8 | Packing::Bits16 | Packing::Bits32 => 1..=4,
+            Packing::Rg11b10 | Packing::R5g6b5 => 3..=3,
+            _ => 4..=4,
+        };
+        let numeric = match self.packing {
+            Packing::Bits16 => !matches!(self.numeric, Srgb | Depth),
+            Packing::Bits32 => matches!(self.numeric, Uint | Sint | Float),
+            Packing::Rg11b10 => matches!(self.numeric, Float),
+            Packing::R5g6b5 | Packing::A1r5g5b5 => matches!(self.numeric, Unorm),
+            _ => !matches!(self.numeric, Srgb | Depth | Float),
+        };
+        *channels.start() <= self.count && self.count <= *channels.end() && numeric
     }
 }

@@ -116,10 +116,12 @@ impl Picture {
             Numeric::Depth => {
                 Err(Error::Usage("a depth image cannot be shown as a picture".into()))
             }
-            Numeric::Uint | Numeric::Sint => Err(Error::Usage(format!(
-                "a picture of integers ({:?}) cannot be shown: only a program knows what they mean",
-                self.format
-            ))),
+            Numeric::Uint | Numeric::Uscaled | Numeric::Sint | Numeric::Sscaled => {
+                Err(Error::Usage(format!(
+                    "a picture of integers ({:?}) cannot be shown: only a program knows what they mean",
+                    self.format
+                )))
+            }
         }
     }
 

@@ -7,7 +7,7 @@
 //! by [`Arc`]; an executor of a device uploads each of them once and recognises it by the identity of its `Arc`.
 
 use crate::{
-    format::{Format, VertexFormat},
+    format::Format,
     image::Extent,
     shader::Shader,
     state::{
@@ -26,62 +26,13 @@ mod indirect;
 mod setters;
 mod snapshot;
 mod validate;
+mod vertex;
 mod written;
 
 pub use buffer::{BufferRange, BufferSource};
 pub use indices::IndexRanges;
 pub(crate) use validate::{Known, check_color_targets, check_outputs};
-
-/// How often a vertex binding advances.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum StepRate {
-    /// Once per vertex.
-    #[default]
-    Vertex,
-    /// Once per instance.
-    Instance,
-}
-
-/// One vertex buffer slot of a pipeline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct VertexBinding {
-    /// Bytes from one element to the next; 0 reads the same element for all.
-    pub stride: u32,
-    /// How often it advances.
-    pub rate: StepRate,
-}
-
-impl VertexBinding {
-    /// A slot that advances by `stride` bytes once per vertex.
-    pub const fn per_vertex(stride: u32) -> Self {
-        Self { stride, rate: StepRate::Vertex }
-    }
-
-    /// A slot that advances by `stride` bytes once per instance.
-    pub const fn per_instance(stride: u32) -> Self {
-        Self { stride, rate: StepRate::Instance }
-    }
-}
-
-/// One attribute: the memory that a location of the vertex shader reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct VertexAttribute {
-    /// `layout(location = …)` of the vertex shader.
-    pub location: u32,
-    /// Index into [`Pipeline::vertex_bindings`] and [`Draw::vertex_buffers`].
-    pub binding: u32,
-    /// Layout in memory.
-    pub format: VertexFormat,
-    /// Bytes from the start of the element.
-    pub offset: u32,
-}
-
-impl VertexAttribute {
-    /// What `location` reads from vertex buffer slot `binding`, `offset` bytes from the start of the element.
-    pub const fn new(location: u32, binding: u32, format: VertexFormat, offset: u32) -> Self {
-        Self { location, binding, format, offset }
-    }
-}
+pub use vertex::{StepRate, VertexAttribute, VertexBinding};
 
 /// A shader pair and its fixed-function state.
 #[derive(Clone, Debug)]
@@ -107,6 +58,13 @@ pub struct Pipeline {
     pub front_face: FrontFace,
     /// The depth test.
     pub depth: DepthState,
+    /// Whether depths of fragments, also those that shaders write, are brought into the depth range of the viewport before they
+    /// are tested. `gl_FragCoord.z` stays as it is.
+    pub depth_clamp: bool,
+    /// Whether primitives are clipped at the near and the far plane. `None` stands for the opposite of
+    /// [`Pipeline::depth_clamp`], as in Vulkan without `VK_EXT_depth_clip_enable`. Depths of primitives that are not clipped and
+    /// not clamped end at 0 and 1.
+    pub depth_clip: Option<bool>,
     /// How fragments change the colour targets, one for each; the last one counts for all targets beyond the list. An empty
     /// list stands for [`ColorState::OVERWRITE`].
     pub colors: Vec<ColorState>,
@@ -134,9 +92,21 @@ impl Pipeline {
             cull: Cull::default(),
             front_face: FrontFace::default(),
             depth: DepthState::default(),
+            depth_clamp: false,
+            depth_clip: None,
             colors: Vec::new(),
             logic_op: None,
         }
+    }
+
+    /// Whether primitives are clipped at the near and the far plane.
+    pub(crate) fn clips_depth(&self) -> bool {
+        self.depth_clip.unwrap_or(!self.depth_clamp)
+    }
+
+    /// Whether depths of fragments of `draw` are more than what the plane of their triangle says, within 0..=1.
+    pub(crate) fn adjusts_depth(&self, draw: &Draw) -> bool {
+        draw.depth_bias.is_some() || self.depth_clamp || !self.clips_depth()
     }
 
     /// How fragments change the colour target with this number.

@@ -10,7 +10,7 @@ mod layout;
 #[path = "../glsl/spirv/files.rs"]
 mod files;
 
-use crate::{abi::MAX_COLORS, shader::Colors};
+use crate::{abi::MAX_COLORS, shader::Variant};
 pub use files::FILES;
 
 /// The words of a file of `glsl/spirv/`.
@@ -41,30 +41,31 @@ pub const SHADE: &[u32] = file!("shade.comp");
 /// `ordered.comp`.
 pub const ORDERED: &[u32] = file!("ordered.comp");
 
-/// All kernels: the name of the GLSL file, the colour targets, the words.
-pub const KERNELS: &[(&str, Colors, &[u32])] = &[
-    ("binning_scan.comp", Colors::ONE, file!("binning_scan.comp")),
-    ("binning_scatter.comp", Colors::ONE, file!("binning_scatter.comp")),
-    ("binning_sort.comp", Colors::ONE, file!("binning_sort.comp")),
-    ("clear.comp", Colors::ONE, file!("clear.comp")),
-    ("commands.comp", Colors::ONE, file!("commands.comp")),
-    ("narrow.comp", Colors::ONE, file!("narrow.comp")),
-    ("ordered.comp", Colors::ONE, ORDERED),
+/// All kernels: the name of the GLSL file, what it is compiled for, the words.
+pub const KERNELS: &[(&str, Variant, &[u32])] = &[
+    ("binning_scan.comp", Variant::PLAIN, file!("binning_scan.comp")),
+    ("binning_scatter.comp", Variant::PLAIN, file!("binning_scatter.comp")),
+    ("binning_sort.comp", Variant::PLAIN, file!("binning_sort.comp")),
+    ("clear.comp", Variant::PLAIN, file!("clear.comp")),
+    ("commands.comp", Variant::PLAIN, file!("commands.comp")),
+    ("narrow.comp", Variant::PLAIN, file!("narrow.comp")),
+    ("ordered.comp", Variant::PLAIN, ORDERED),
     ("ordered.comp", SEVERAL, file!("8-ordered.comp")),
     ("ordered.comp", ANY_ONE, file!("any-ordered.comp")),
     ("ordered.comp", ANY_SEVERAL, file!("any-8-ordered.comp")),
-    ("primitive.comp", Colors::ONE, file!("primitive.comp")),
-    ("raster.comp", Colors::ONE, file!("raster.comp")),
-    ("shade.comp", Colors::ONE, SHADE),
+    ("primitive.comp", Variant::PLAIN, file!("primitive.comp")),
+    ("raster.comp", Variant::PLAIN, file!("raster.comp")),
+    ("shade.comp", Variant::PLAIN, SHADE),
     ("shade.comp", SEVERAL, file!("8-shade.comp")),
     ("shade.comp", ANY_ONE, file!("any-shade.comp")),
     ("shade.comp", ANY_SEVERAL, file!("any-8-shade.comp")),
-    ("vertex.comp", Colors::ONE, VERTEX),
+    ("vertex.comp", Variant::PLAIN, VERTEX),
+    ("vertex.comp", ANY_ONE, file!("any-vertex.comp")),
 ];
 
-const SEVERAL: Colors = Colors { most: MAX_COLORS, any_format: false };
-const ANY_ONE: Colors = Colors { most: 1, any_format: true };
-const ANY_SEVERAL: Colors = Colors { most: MAX_COLORS, any_format: true };
+const SEVERAL: Variant = Variant { colors: MAX_COLORS, any_format: false };
+const ANY_ONE: Variant = Variant { colors: 1, any_format: true };
+const ANY_SEVERAL: Variant = Variant { colors: MAX_COLORS, any_format: true };
 
 /// The macros that every kernel is compiled with.
 pub const DEFINES: &str = include_str!("../glsl/spirv/defines.glsl");

@@ -393,6 +393,13 @@ pub struct Viewport {
     pub max_depth: f32,
 }
 
+impl Viewport {
+    /// Its least and its greatest depth.
+    pub(crate) fn depths(&self) -> [f32; 2] {
+        [self.min_depth.min(self.max_depth), self.min_depth.max(self.max_depth)]
+    }
+}
+
 /// A rectangle of pixels, as `VkRect2D` with an offset that is never negative.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rect {

@@ -67,7 +67,7 @@ pub struct Triangle {
     pub cut: bool,
     /// The level of the cells that list it.
     pub level: u32,
-    /// The exponent of the largest depth of its corners, as its bits are; `None` without a depth bias.
+    /// The exponent of the largest depth of its corners, as its bits are; `None` if depths are not adjusted.
     pub exponent: Option<u32>,
 }
 

@@ -1,11 +1,13 @@
 //! Do attributes and varyings reach the user's shaders, however they are laid out and whatever is fetched once for
 //! many vertices?
 
+mod formats;
+
 use crate::common::on_each_gpu;
 use std::sync::Arc;
 use tilewright::{
     bench, classic, compute,
-    format::{Component, Format, VertexFormat},
+    format::{Format, VertexFormat},
     grid::Capacities,
     image::Extent,
     pass::{
@@ -64,7 +66,6 @@ fn pipeline() -> Pipeline {
     let shader = |stage, label: &str, text: &str| {
         Arc::new(Shader::from_glsl(stage, label, &source(text)).unwrap_or_else(|e| panic!("{e}")))
     };
-    let format = |component, count| VertexFormat { component, count };
     let attribute =
         |location, binding, format, offset| VertexAttribute { location, binding, format, offset };
     Pipeline::new(
@@ -80,10 +81,10 @@ fn pipeline() -> Pipeline {
     ])
     .vertex_attributes([
         attribute(0, 0, VertexFormat::F32X2, 4),
-        attribute(1, 1, format(Component::U8, 2), 1),
-        attribute(2, 1, format(Component::U8Norm, 2), 5),
+        attribute(1, 1, Format::Rg8Uint.into(), 1),
+        attribute(2, 1, Format::Rg8Unorm.into(), 5),
         attribute(3, 2, VertexFormat::F32X2, 4),
-        attribute(5, 3, format(Component::U32, 1), 8),
+        attribute(5, 3, Format::R32Uint.into(), 8),
         attribute(7, 2, VertexFormat::F32X2, 12),
     ])
     .depth(DepthState::OFF)

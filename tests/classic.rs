@@ -4,7 +4,7 @@ use crate::common::{gpu, on_each_gpu};
 use std::sync::Arc;
 use tilewright::{
     classic::Renderer,
-    format::{Component, Format, VertexFormat},
+    format::{Format, Numeric, Packing, VertexFormat},
     image::Extent,
     pass::{
         Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, Executor, IndexFormat,
@@ -47,7 +47,7 @@ fn pipeline(vertex: &str, fragment: &str) -> Pipeline {
 /// Positions as three floats in binding 0, colours as four bytes in binding 1.
 fn flat_pipeline() -> Pipeline {
     let rate = StepRate::Vertex;
-    let unorm = VertexFormat { component: Component::U8Norm, count: 4 };
+    let unorm = VertexFormat::from(Format::Rgba8Unorm);
     pipeline(FLAT_VERT, FLAT_FRAG)
         .vertex_bindings([VertexBinding { stride: 12, rate }, VertexBinding { stride: 4, rate }])
         .vertex_attributes([
@@ -175,7 +175,7 @@ void main() {
         let fragment = "layout(location = 0) flat in uvec3 paint;
 layout(location = 0) out vec4 color;
 void main() { color = vec4(paint, 1); }";
-        let small = |component, count| VertexFormat { component, count };
+        let small = |numeric, count| VertexFormat::new(numeric, Packing::Bits8, count);
         let attribute = |location, binding, format, offset| VertexAttribute {
             location,
             binding,
@@ -190,8 +190,8 @@ void main() { color = vec4(paint, 1); }";
             ])
             .vertex_attributes([
                 attribute(0, 0, VertexFormat::F32X2, 0),
-                attribute(1, 1, small(Component::U8Norm, 1), 0),
-                attribute(2, 1, small(Component::U8, 3), 4),
+                attribute(1, 1, small(Numeric::Unorm, 1), 0),
+                attribute(2, 1, small(Numeric::Uint, 3), 4),
             ]);
         // Column 0 or 1 of the left half, from normalized bytes; the first instance is skipped.
         let instances: [[u8; 7]; 3] = [[9; 7], [0, 9, 9, 9, 1, 0, 0], [255, 9, 9, 9, 0, 0, 1]];

@@ -7,7 +7,7 @@ use crate::{
 use std::sync::Arc;
 use tilewright::{
     Error, classic, compare, compute,
-    format::{Component, Format, VertexFormat},
+    format::{Format, VertexFormat},
     grid::Capacities,
     image::Extent,
     pass::{
@@ -114,7 +114,7 @@ fn pass(seed: u64, shaders: &[Arc<Shader>; 2]) -> Pass {
     let rate = [StepRate::Vertex, StepRate::Instance];
     let attribute =
         |location, format, offset| VertexAttribute { location, binding: location, format, offset };
-    let word = VertexFormat { component: Component::U32, count: 1 };
+    let word = VertexFormat::from(Format::R32Uint);
     let offset = if random.below(20) == 0 { extreme(random) } else { 4 * random.below(3) as u32 };
     let pipeline = Pipeline::new("extreme", shaders[0].clone(), shaders[1].clone())
         .vertex_bindings([

@@ -9,7 +9,7 @@ use glam::DVec3;
 use std::sync::Arc;
 use tilewright::{
     compute,
-    format::{Component, Format, VertexFormat},
+    format::{Format, Numeric, Packing, VertexFormat},
     image::Extent,
     pass::{
         BufferRange, BufferSource, Draw, Frame, Pass, Pipeline, StepRate, VertexAttribute,
@@ -126,19 +126,19 @@ fn shader(stage: Stage, source: &str) -> Arc<Shader> {
 }
 
 fn pass_of(vertices: &[Vertex], vertex: &Arc<Shader>, fragment: &Arc<Shader>) -> Pass {
-    let attribute = |location, component, count, offset| VertexAttribute {
+    let attribute = |location, numeric, count, offset| VertexAttribute {
         location,
         binding: 0,
-        format: VertexFormat { component, count },
+        format: VertexFormat::new(numeric, Packing::Bits32, count),
         offset,
     };
     let mut pipeline = Pipeline::new("interpolation", vertex.clone(), fragment.clone());
     pipeline.vertex_bindings =
         vec![VertexBinding { stride: size_of::<Vertex>() as u32, rate: StepRate::Vertex }];
     pipeline.vertex_attributes = vec![
-        attribute(0, Component::F32, 4, 0),
-        attribute(1, Component::U32, 4, 16),
-        attribute(2, Component::F32, 2, 32),
+        attribute(0, Numeric::Float, 4, 0),
+        attribute(1, Numeric::Uint, 4, 16),
+        attribute(2, Numeric::Float, 2, 32),
     ];
     let bytes = bytemuck::cast_slice(vertices).to_vec();
     let mut draw = Draw::new(0, vertices.len() as u32);

@@ -21,7 +21,7 @@ mod constants;
 mod engine;
 
 /// The colours of targets of any format.
-const ANY_COLOR: [&str; 2] = ["lib/color.glsl", "lib/any_color.glsl"];
+const ANY_COLOR: [&str; 3] = ["lib/small_float.glsl", "lib/color.glsl", "lib/any_color.glsl"];
 
 /// Runs `body`, which turns `v`, four words of input, into `r`, four words of output, over `inputs`, one
 /// for each lane of subgroups that are workgroups.
@@ -40,13 +40,13 @@ fn probe_as_if<I: Pod, O: Pod>(
     let lanes = gpu.limits().subgroup_size;
     assert_eq!((size_of::<I>(), size_of::<O>()), (16, 16), "a probe moves four words");
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
-    let any = includes.contains(&ANY_COLOR[1]).then_some("#define ANY_FORMAT\n");
+    let any = includes.contains(&ANY_COLOR[2]).then_some("#define ANY_FORMAT\n");
     let mut source = format!(
         "#version 460
 #extension GL_EXT_control_flow_attributes : require
 {}{}const uint SUBGROUP_WIDTH = {width}u;
 const bool GREATER = false;
-const bool BIASED = true;\n",
+const bool ADJUSTED = true;\n",
         constants::defines(),
         any.unwrap_or_default()
     );

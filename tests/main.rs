@@ -10,6 +10,7 @@ mod colors;
 mod common;
 mod compile;
 mod depth_bias;
+mod depth_clamp;
 mod devices;
 mod examples;
 mod extremes;

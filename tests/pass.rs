@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use tilewright::{
     Error,
-    format::{Component, Format, VertexFormat},
+    format::{Format, Numeric, VertexFormat},
     image::Extent,
     pass::{
         Binding, BindingEntry, BindingSet, BufferRange, BufferSource, Draw, IndexFormat, Indices,
@@ -70,7 +70,7 @@ void main() { color = texture(images[id & 1u], uv + offset) * factor[3]; }",
         );
         let attribute =
             |location, format, offset| VertexAttribute { location, binding: 0, format, offset };
-        let ids = VertexFormat { component: Component::U16, count: 2 };
+        let ids = VertexFormat::from(Format::Rg16Uint);
         let pipeline = Pipeline::new("brick", vertex, fragment)
             .vertex_bindings([VertexBinding { stride: 16, rate: StepRate::Vertex }])
             .vertex_attributes([attribute(0, VertexFormat::F32X3, 0), attribute(3, ids, 12)]);
@@ -152,8 +152,8 @@ fn pipelines() {
     refused(&["brick", "attribute 3", "test.vert"], |p| {
         p.pipeline.vertex_attributes.truncate(1);
     });
-    refused(&["attribute 3", " uint in `test.vert`", " float in memory (U16Norm)"], |p| {
-        p.pipeline.vertex_attributes[1].format.component = Component::U16Norm;
+    refused(&["attribute 3", " uint in `test.vert`", " float in memory (Unorm)"], |p| {
+        p.pipeline.vertex_attributes[1].format.numeric = Numeric::Unorm;
     });
     refused(&["attribute 3", "binding 7"], |p| p.pipeline.vertex_attributes[1].binding = 7);
     refused(&["attribute 0", "twice"], |p| p.pipeline.vertex_attributes[1].location = 0);

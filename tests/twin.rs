@@ -105,8 +105,9 @@ fn pipeline(random: &mut Random, vertex: &Arc<Shader>, fragment: &Arc<Shader>) -
         .blend((random.below(4) == 0).then_some(Blend::ALPHA))
 }
 
-/// `pass` with draws that are bounded by the depths that are there.
-pub fn bounded(seed: u64, mut pass: Pass) -> Pass {
+/// `pass` with draws that are bounded by the depths that are there, that are clamped to the depths of their viewport, or not
+/// clipped at them.
+pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
     let mut random = Random::new(seed ^ 0x626f_756e_6473);
     for (draw, pipeline) in pass.draws.iter_mut().zip(&mut pass.pipelines) {
         if random.below(6) == 0 {
@@ -114,6 +115,11 @@ pub fn bounded(seed: u64, mut pass: Pass) -> Pass {
             draw.depth_bounds = [depths[0].min(depths[1]), depths[0].max(depths[1])];
             let bounded = pipeline.depth.bounds(true);
             *pipeline = Arc::new((**pipeline).clone().depth(bounded));
+        }
+        if random.below(5) == 0 {
+            let clip = [None, None, Some(false), Some(true)][random.below(4)];
+            let clamp = random.below(3) > 0;
+            *pipeline = Arc::new((**pipeline).clone().depth_clamp(clamp).depth_clip(clip));
         }
     }
     pass
@@ -248,7 +254,7 @@ fn random_meshes(gpu: &Gpu, seeds: std::ops::Range<u64>) {
             varying_words: 1 << 16,
         });
         let variation = Variation::ALL[seed as usize / 10 % 4];
-        let pass = bounded(seed, random_pass(seed, &shaders));
+        let pass = with_depth_state(seed, random_pass(seed, &shaders));
         let (pass, snapshot) = variation.apply(&mut renderer, seed, pass);
         let (_, trace) = renderer.trace(&pass).expect("the pass is drawn");
         seen += pixels(&trace);

@@ -18,8 +18,8 @@ bool in_front(const float a, const float b) {
 }
 
 // `depth_range` as nearest and farthest: nothing is nearer than the first, nothing farther than the second.
-vec2 depth_bounds(const vec3 plane, const float bias, const ivec2 origin, const ivec2 last) {
-    vec2 range = depth_range(plane, bias, origin, last);
+vec2 depth_bounds(const vec3 plane, const vec3 adjustment, const ivec2 origin, const ivec2 last) {
+    vec2 range = depth_range(plane, adjustment, origin, last);
     return GREATER ? range.yx : range;
 }
 

@@ -2,8 +2,8 @@
 // pixel (0, 0). A plane that starts at a corner is more accurate for steep triangles far from the origin.
 // But devices start at (0, 0), and where two surfaces coincide, the winner depends on it: with the other
 // plane, thousands of pixels in some rooms differ from the device's own pipeline.
-// The file that includes this one defines BIASED: whether triangles may have a bias. It is added at each pixel, as devices
-// do: the plane has lost the last bits of small depths.
+// The file that includes this one defines ADJUSTED: whether triangles may have an adjustment, which is a bias and the least and
+// the greatest depth. The bias is added at each pixel, as devices do: the plane has lost the last bits of small depths.
 #ifndef DEPTH_GLSL
 #define DEPTH_GLSL
 #include "lib/exact.glsl"
@@ -31,14 +31,22 @@ vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c) {
 
 // What is added to the depths of a triangle (Vulkan 1.3, "Depth Bias"), from the constant factor, the slope factor and
 // the clamp: `gradient` is the change of depth per pixel, `exponent` that of the largest depth of the corners, as its bits
-// are. The least step of depth is a unit in the last place of that depth; it is no denormal. A bias of more than 2 moves
-// all depths out of 0..1, as one of 2 does.
+// are. The least step of depth is a unit in the last place of that depth; it is no denormal. A bias of 2^60 moves every depth
+// out of its limits, as a larger one would.
 float bias_of(const vec3 bias, const vec2 gradient, const uint exponent) {
     float step = uintBitsToFloat((max(exponent, 24u) - 23u) << 23);
     float sum = step * bias.x + max(abs(gradient.x), abs(gradient.y)) * bias.y;
     if (bias.z > 0.0) sum = min(sum, bias.z);
     if (bias.z < 0.0) sum = max(sum, bias.z);
-    return clamp(sum, -2.0, 2.0);
+    return clamp(sum, -1152921504606846976.0, 1152921504606846976.0);
+}
+
+// What is done to the depths of a triangle that is not adjusted.
+const vec3 NO_ADJUSTMENT = vec3(0.0, 0.0, 1.0);
+
+// The depth `d` in the limits of an adjustment. No number becomes the least depth.
+float limited_depth(const float d, const vec3 adjustment) {
+    return d > adjustment.y ? (d < adjustment.z ? d : adjustment.z) : adjustment.y;
 }
 
 // The depth that the target keeps for the depth `d`. It never falls while `d` grows.
@@ -47,32 +55,42 @@ float kept_depth(const float d) {
     return d > 0.0 ? (d < 1.0 ? d : 1.0) : 0.0;
 }
 
-// Depth at the pixel, as the target keeps it, in two steps: the first serves a whole column of pixels.
+// Depth at the pixel in two steps: the first serves a whole column of pixels.
 float depth_of_column(const float z, const float dzdx, const int x) {
     return multiply_add(dzdx, float(x), z);
 }
 
-float depth_in_column(const float column, const float dzdy, const float bias, const int y) {
+// As the target keeps it.
+float depth_in_column(const float column, const float dzdy, const vec3 adjustment, const int y) {
     float d = multiply_add(dzdy, float(y), column);
-    return kept_depth(BIASED ? d + bias : d);
+    return kept_depth(ADJUSTED ? limited_depth(d + adjustment.x, adjustment) : d);
 }
 
-float depth_at(const vec3 plane, const float bias, const ivec2 pixel) {
-    return depth_in_column(depth_of_column(plane.x, plane.y, pixel.x), plane.z, bias, pixel.y);
+float depth_at(const vec3 plane, const vec3 adjustment, const ivec2 pixel) {
+    return depth_in_column(depth_of_column(plane.x, plane.y, pixel.x), plane.z, adjustment, pixel.y);
+}
+
+// As shaders see it, beyond the limits too.
+float free_depth_at(const vec3 plane, const vec3 adjustment, const ivec2 pixel) {
+    return multiply_add(plane.z, float(pixel.y), depth_of_column(plane.x, plane.y, pixel.x)) + adjustment.x;
 }
 
 // Bounds of the triangle's depth at the pixels from `origin` to `origin + last`: nothing is less than the
 // first, nothing greater than the second.
-vec2 depth_range(const vec3 plane, const float bias, const ivec2 origin, const ivec2 last) {
+vec2 depth_range(const vec3 plane, const vec3 adjustment, const ivec2 origin, const ivec2 last) {
     vec2 at = plane.yz * vec2(origin), end = plane.yz * vec2(last);
     float slack = (abs(plane.x) + abs(at.x) + abs(at.y) + abs(end.x) + abs(end.y)) * (1.0 / 1048576.0);
     float start = plane.x + at.x + at.y;
-    if (BIASED) {
-        slack += abs(bias) * (1.0 / 1048576.0);
-        start += bias;
+    if (ADJUSTED) {
+        slack += abs(adjustment.x) * (1.0 / 1048576.0);
+        start += adjustment.x;
     }
     float low = start + min(end.x, 0.0) + min(end.y, 0.0) - slack;
     float high = start + max(end.x, 0.0) + max(end.y, 0.0) + slack;
+    if (ADJUSTED) {
+        low = limited_depth(low, adjustment);
+        high = limited_depth(high, adjustment);
+    }
     return vec2(kept_depth(low), kept_depth(high));
 }
 #endif

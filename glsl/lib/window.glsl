@@ -9,6 +9,8 @@
 const uint OUT_BEHIND = 1u << CLIP_PLANES;
 const uint OUT_UNUSABLE = 2u << CLIP_PLANES;
 const uint OUT_PLANES = OUT_BEHIND - 1u;
+// All planes but the near and the far one.
+const uint OUT_SIDES = 15u;
 
 // A viewport: pixels and depth = normalized device coordinates * scale + offset.
 struct Viewport {

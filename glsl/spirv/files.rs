@@ -28,6 +28,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("lib/lanes.glsl", include_str!("../lib/lanes.glsl")),
     ("lib/patch.glsl", include_str!("../lib/patch.glsl")),
     ("lib/quad.glsl", include_str!("../lib/quad.glsl")),
+    ("lib/small_float.glsl", include_str!("../lib/small_float.glsl")),
     ("lib/tile.glsl", include_str!("../lib/tile.glsl")),
     ("lib/wide.glsl", include_str!("../lib/wide.glsl")),
     ("lib/window.glsl", include_str!("../lib/window.glsl")),

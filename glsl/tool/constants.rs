@@ -22,13 +22,12 @@ mod state;
 use std::fmt::Write as _;
 
 /// The modules that share constants with GLSL, with the name and the number of each constant.
-fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 12] {
+fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 11] {
     [
         ("abi", abi::CONSTANTS),
         ("format", format::Numeric::NUMBERS),
         ("format", format::Packing::NUMBERS),
         ("format", format::Format::NUMBERS),
-        ("format", format::Component::NUMBERS),
         ("state", state::Topology::NUMBERS),
         ("state", state::Cull::NUMBERS),
         ("state", state::FrontFace::NUMBERS),

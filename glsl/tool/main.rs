@@ -4,7 +4,7 @@
 //! Every machine makes the same files: the compiler is bundled as source, in one version. The test below
 //! proves that the files in the repository are those.
 
-use engine::Colors;
+use engine::Variant;
 use rspirv::{binary::Assemble, dr::Module};
 use std::{
     cell::RefCell,
@@ -83,16 +83,13 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
             );
             files.insert("layout.rs".into(), all.into_bytes());
         } else {
-            for colors in Colors::all(constants::abi::MAX_COLORS) {
-                let all = format!("{defines}{}", colors.macros());
+            for variant in Variant::all(&text, constants::abi::MAX_COLORS) {
+                let all = format!("{defines}{}", variant.macros());
                 let mut module = load(&name, &compile(&name, &text, "comp", &all)?)?;
                 engine::forbid_contraction(&mut module);
                 engine::number_constants(&mut module, constants::abi::SPEC_FIRST);
                 forget_local_names(&mut module);
-                files.insert(format!("{}.spv", variant(&name, colors)), bytes(&module.assemble()));
-                if !text.contains("EACH_COLOR") {
-                    break;
-                }
+                files.insert(format!("{}.spv", file_of(&name, variant)), bytes(&module.assemble()));
             }
         }
         sources.insert(name, text);
@@ -112,11 +109,11 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     Ok(files)
 }
 
-/// The name of the kernel of the file `name` for such colour targets.
-fn variant(name: &str, colors: Colors) -> String {
-    let any = if colors.any_format { "any-" } else { "" };
-    let most = if colors.most == 1 { String::new() } else { format!("{}-", colors.most) };
-    format!("{any}{most}{name}")
+/// The name of a variant of the kernel of the file `name`.
+fn file_of(name: &str, variant: Variant) -> String {
+    let any = if variant.any_format { "any-" } else { "" };
+    let colors = if variant.colors == 1 { String::new() } else { format!("{}-", variant.colors) };
+    format!("{any}{colors}{name}")
 }
 
 /// A list of the files that kernels are made of, for the library.

@@ -3,11 +3,11 @@
 use super::layout::Layout;
 use crate::{
     error::{Error, Result},
-    format::{Component, Format, VertexFormat},
+    format::{Format, VertexFormat},
     pass::{Pass, Pipeline, StepRate, VertexAttribute},
     shader::{Resource, Shader, Varying},
     state::{BlendEquation, BlendFactor, BlendOp, ColorState, Cull, FrontFace, LogicOp, Topology},
-    vk::{Gpu, compare_op, missing_feature, vk_format},
+    vk::{Gpu, compare_op, missing_feature, vertex_format, vk_format},
 };
 use ash::vk;
 use std::{
@@ -75,10 +75,13 @@ impl Key {
             cull,
             front_face,
             depth,
+            depth_clamp,
+            depth_clip,
             colors,
             logic_op,
         } = &*self.0;
-        let state = (topology, cull, front_face, depth, colors, logic_op);
+        let state =
+            (topology, cull, front_face, depth, (depth_clamp, depth_clip), colors, logic_op);
         let vertices = (vertex_bindings, vertex_attributes);
         (vertex, fragment, specialization, vertices, state, &self.1)
     }
@@ -237,10 +240,31 @@ fn create(
                 .stride(b.stride)
                 .input_rate(match b.rate {
                     StepRate::Vertex => vk::VertexInputRate::VERTEX,
-                    StepRate::Instance => vk::VertexInputRate::INSTANCE,
+                    StepRate::Instance | StepRate::Instances(_) => vk::VertexInputRate::INSTANCE,
                 })
         })
         .collect();
+    let divisors: Vec<_> = pipeline
+        .vertex_bindings
+        .iter()
+        .enumerate()
+        .filter_map(|(n, b)| {
+            let divisor = b.rate.divisor().filter(|divisor| *divisor != 1)?;
+            Some(vk::VertexInputBindingDivisorDescriptionKHR { binding: n as u32, divisor })
+        })
+        .collect();
+    let greatest = divisors.iter().map(|d| d.divisor).max();
+    if greatest.is_some_and(|greatest| greatest > gpu.0.draw_limits.divisor) {
+        return Err(Error::Device(format!(
+            "pipeline `{}`: {} draws with divisors of up to {}, not {}; the compute executor does",
+            pipeline.label,
+            gpu.info().name,
+            gpu.0.draw_limits.divisor,
+            greatest.unwrap_or(0)
+        )));
+    }
+    let mut divisors = vk::PipelineVertexInputDivisorStateCreateInfoKHR::default()
+        .vertex_binding_divisors(&divisors);
     // Attributes that the shader does not read are legal to leave out, and some formats are not
     // there on every device.
     let read = |a: &&VertexAttribute| {
@@ -259,6 +283,10 @@ fn create(
     let vertex_input = vk::PipelineVertexInputStateCreateInfo::default()
         .vertex_binding_descriptions(&bindings)
         .vertex_attribute_descriptions(&attributes);
+    let vertex_input = match divisors.vertex_binding_divisor_count {
+        0 => vertex_input,
+        _ => vertex_input.push_next(&mut divisors),
+    };
     let assembly =
         vk::PipelineInputAssemblyStateCreateInfo::default().topology(match pipeline.topology {
             Topology::TriangleList => vk::PrimitiveTopology::TRIANGLE_LIST,
@@ -278,7 +306,14 @@ fn create(
             FrontFace::CounterClockwise => vk::FrontFace::COUNTER_CLOCKWISE,
             FrontFace::Clockwise => vk::FrontFace::CLOCKWISE,
         })
+        .depth_clamp_enable(pipeline.depth_clamp)
         .line_width(1.0);
+    let mut clip = vk::PipelineRasterizationDepthClipStateCreateInfoEXT::default()
+        .depth_clip_enable(pipeline.clips_depth());
+    let raster = match pipeline.clips_depth() == pipeline.depth_clamp {
+        true => raster.push_next(&mut clip),
+        false => raster,
+    };
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
         .rasterization_samples(vk::SampleCountFlags::TYPE_1);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
@@ -296,12 +331,18 @@ fn create(
         }
     }
     let limits = &gpu.0.draw_limits;
-    let lacking = match (pipeline.logic_op, pipeline.depth.bounds) {
-        (Some(_), _) if !limits.logic_ops => Some("logic operations (logicOp)"),
-        (_, true) if !limits.depth_bounds => Some("depth bounds test (depthBounds)"),
-        _ => None,
-    };
-    if let Some(lacking) = lacking {
+    let clips_apart = pipeline.clips_depth() == pipeline.depth_clamp;
+    let wanted = [
+        (pipeline.logic_op.is_some(), limits.logic_ops, "logic operations (logicOp)"),
+        (pipeline.depth.bounds, limits.depth_bounds, "depth bounds test (depthBounds)"),
+        (pipeline.depth_clamp, limits.clamps_depth, "depth clamp (depthClamp)"),
+        (
+            clips_apart,
+            limits.clips_depth_apart,
+            "switch of its own for depth clipping (depthClipEnable)",
+        ),
+    ];
+    if let Some((.., lacking)) = wanted.iter().find(|(wanted, offered, _)| *wanted && !offered) {
         return Err(Error::Device(format!(
             "pipeline `{}`: {} itself has no {lacking}; the compute executor does",
             pipeline.label,
@@ -364,47 +405,23 @@ fn attribute_format(
     pipeline: &Pipeline,
     attribute: &VertexAttribute,
 ) -> Result<vk::Format> {
-    let format = vertex_format(attribute.format);
-    if gpu.0.reads_vertices_as(format) {
+    let reads = |format: &vk::Format| gpu.0.reads_vertices_as(*format);
+    if let Some(format) = vertex_format(attribute.format).filter(reads) {
         return Ok(format);
     }
     let inputs = pipeline.vertex.reflection.inputs.iter();
     let used = inputs.filter(|i| i.location == attribute.location).map(|i| i.component + i.count);
+    let narrow = attribute.format.count == 3 && used.max() <= Some(3);
     let wider = vertex_format(VertexFormat { count: 4, ..attribute.format });
-    if attribute.format.count == 3 && used.max() <= Some(3) && gpu.0.reads_vertices_as(wider) {
+    if let Some(wider) = wider.filter(reads).filter(|_| narrow) {
         return Ok(wider);
     }
     Err(Error::Device(format!(
-        "pipeline `{}`: {} reads no vertices of {} x {:?}; the compute executor does",
+        "pipeline `{}`: {} reads no vertices of {:?}; the compute executor does",
         pipeline.label,
         gpu.info().name,
-        attribute.format.count,
-        attribute.format.component
+        attribute.format
     )))
-}
-
-fn vertex_format(format: VertexFormat) -> vk::Format {
-    type F = vk::Format;
-    let by_count = match format.component {
-        Component::F32 => {
-            [F::R32_SFLOAT, F::R32G32_SFLOAT, F::R32G32B32_SFLOAT, F::R32G32B32A32_SFLOAT]
-        }
-        Component::U8 => [F::R8_UINT, F::R8G8_UINT, F::R8G8B8_UINT, F::R8G8B8A8_UINT],
-        Component::I8 => [F::R8_SINT, F::R8G8_SINT, F::R8G8B8_SINT, F::R8G8B8A8_SINT],
-        Component::U16 => [F::R16_UINT, F::R16G16_UINT, F::R16G16B16_UINT, F::R16G16B16A16_UINT],
-        Component::I16 => [F::R16_SINT, F::R16G16_SINT, F::R16G16B16_SINT, F::R16G16B16A16_SINT],
-        Component::U32 => [F::R32_UINT, F::R32G32_UINT, F::R32G32B32_UINT, F::R32G32B32A32_UINT],
-        Component::I32 => [F::R32_SINT, F::R32G32_SINT, F::R32G32B32_SINT, F::R32G32B32A32_SINT],
-        Component::U8Norm => [F::R8_UNORM, F::R8G8_UNORM, F::R8G8B8_UNORM, F::R8G8B8A8_UNORM],
-        Component::I8Norm => [F::R8_SNORM, F::R8G8_SNORM, F::R8G8B8_SNORM, F::R8G8B8A8_SNORM],
-        Component::U16Norm => {
-            [F::R16_UNORM, F::R16G16_UNORM, F::R16G16B16_UNORM, F::R16G16B16A16_UNORM]
-        }
-        Component::I16Norm => {
-            [F::R16_SNORM, F::R16G16_SNORM, F::R16G16B16_SNORM, F::R16G16B16A16_SNORM]
-        }
-    };
-    by_count[usize::from(format.count.clamp(1, 4)) - 1]
 }
 
 fn blend_state(of: ColorState) -> vk::PipelineColorBlendAttachmentState {

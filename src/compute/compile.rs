@@ -119,8 +119,8 @@ fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
     let mut all = Vec::new();
     for (n, pipeline) in pass.pipelines.iter().enumerate() {
         let mut draws = pass.draws.iter().filter(|draw| draw.pipeline == n);
-        let biased = draws.any(|draw| draw.depth_bias.is_some());
-        for one in wanted((pipeline, biased), &colors, depth)? {
+        let adjusted = draws.any(|draw| pipeline.adjusts_depth(draw));
+        for one in wanted((pipeline, adjusted), &colors, depth)? {
             if !all.contains(&one) {
                 all.push(one);
             }
@@ -133,9 +133,9 @@ fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
     Ok(all)
 }
 
-/// The kernels that passes with targets of these formats need for `pipeline`, with a depth bias or without.
+/// The kernels that passes with targets of these formats need for `pipeline`, with adjusted depths or without.
 fn wanted(
-    (pipeline, biased): (&Pipeline, bool),
+    (pipeline, adjusted): (&Pipeline, bool),
     colors: &[Format],
     depth: Option<Format>,
 ) -> Result<Vec<KernelRequest>> {
@@ -150,7 +150,7 @@ fn wanted(
     let PipelineKernels { vertex, fragment, method } =
         PipelineKernels::of(pipeline, colors.len(), depth.is_some());
     let mut wanted = vec![KernelRequest::Vertex(vertex)];
-    wanted.extend(kernels::of_method((method, biased), fragment, formats));
+    wanted.extend(kernels::of_method((method, adjusted), fragment, formats));
     Ok(wanted)
 }
 

@@ -179,7 +179,11 @@ impl Kernels {
     ) -> Result<()> {
         let vertex = || plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone()));
         let of_batch = |batch: &BatchPlan, kernel: usize| {
-            of_method((batch.method, batch.biased), plan.fragment_kernels[kernel].clone(), formats)
+            of_method(
+                (batch.method, batch.adjusted),
+                plan.fragment_kernels[kernel].clone(),
+                formats,
+            )
         };
         let of_batches = plan.batches.iter().flat_map(|batch| {
             batch.fragment_kernels.iter().flat_map(move |&kernel| of_batch(batch, kernel))
@@ -236,19 +240,19 @@ impl Kernels {
     }
 }
 
-/// The kernels that draw the fragments of a batch, with a depth bias or without, into colour targets.
+/// The kernels that draw the fragments of a batch, with adjusted depths or without, into colour targets.
 pub fn of_method(
-    (method, biased): (Method, bool),
+    (method, adjusted): (Method, bool),
     fragment: Arc<KernelKey>,
     formats: ColorFormats,
 ) -> impl Iterator<Item = KernelRequest> {
     let (raster, fragment) = match method {
         Method::Opaque { compare, shades } => (
-            Some(KernelRequest::Raster(compare, biased)),
-            shades.then_some(KernelRequest::Shade(fragment, formats, biased)),
+            Some(KernelRequest::Raster(compare, adjusted)),
+            shades.then_some(KernelRequest::Shade(fragment, formats, adjusted)),
         ),
         Method::Ordered { depth, .. } => {
-            (None, Some(KernelRequest::Ordered(fragment, formats, biased, depth)))
+            (None, Some(KernelRequest::Ordered(fragment, formats, adjusted, depth)))
         }
     };
     raster.into_iter().chain(fragment)

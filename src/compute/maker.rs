@@ -4,10 +4,10 @@ use super::{kernels::ColorFormats, sources::Sources, vertex};
 use crate::{
     abi,
     error::Result,
-    format::Format,
+    format::{Format, Packing},
     plan::KernelKey,
     shader::{
-        Colors,
+        Variant,
         splice::{Blocks, Derivatives, SpliceOptions, splice},
     },
     state::Compare,
@@ -21,15 +21,15 @@ use std::{
 /// A kernel that is made when the first pass needs it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum KernelRequest {
-    /// Raster with a depth comparison, and whether there may be a depth bias.
+    /// Raster with a depth comparison, and whether depths may be adjusted.
     Raster(Compare, bool),
     /// Between rows and narrow texels.
     Narrow,
     /// Vertex shading.
     Vertex(Arc<KernelKey>),
-    /// Shading of opaque work into colour targets of these formats, and whether there may be a depth bias.
+    /// Shading of opaque work into colour targets of these formats, and whether depths may be adjusted.
     Shade(Arc<KernelKey>, ColorFormats, bool),
-    /// Ordered work into colour targets of these formats, whether there may be a depth bias, and a depth mode.
+    /// Ordered work into colour targets of these formats, whether depths may be adjusted, and a depth mode.
     Ordered(Arc<KernelKey>, ColorFormats, bool, u32),
 }
 
@@ -93,7 +93,7 @@ impl Maker {
     pub fn make(&self, wanted: &KernelRequest) -> Result<Kernel> {
         let width = self.width;
         let (stage, words, key, constants) = match wanted {
-            KernelRequest::Raster(compare, biased) => {
+            KernelRequest::Raster(compare, adjusted) => {
                 // Shared memory has no advantage on a CPU, and the driver does not access it by
                 // address.
                 let in_place = self.gpu.reads_by_address().into();
@@ -101,7 +101,7 @@ impl Maker {
                     ("SUBGROUP_WIDTH", width),
                     ("COMPARE", *compare as u32),
                     ("IN_PLACE", in_place),
-                    ("BIASED", (*biased).into()),
+                    ("ADJUSTED", (*adjusted).into()),
                 ];
                 let words = self.sources.words("raster.comp");
                 return self.kernel(&self.wide("raster", words, &constants));
@@ -111,29 +111,35 @@ impl Maker {
                 return self.kernel(&KernelInfo::new("narrow", words));
             }
             KernelRequest::Vertex(key) => {
-                let words = self.sources.words("vertex.comp");
+                // `lib/attribute.glsl` knows no others without ANY_FORMAT.
+                let is_common = |(_, format): &(u32, u32)| {
+                    format >> abi::ATTRIBUTE_PACKING_SHIFT & 15 == Packing::Bits32 as u32
+                };
+                let any_format = !key.attributes.iter().all(is_common);
+                let words =
+                    self.sources.variant("vertex.comp", Variant { any_format, ..Variant::PLAIN });
                 ("vertex", words, key, vec![("LANES", vertex::lanes(width))])
             }
-            KernelRequest::Shade(key, formats, biased) => {
+            KernelRequest::Shade(key, formats, adjusted) => {
                 let (targets, [formats, more]) = (targets(*formats), halves(*formats));
                 let constants = vec![
                     ("SUBGROUP_WIDTH", width),
                     ("FORMATS", formats),
                     ("MORE_FORMATS", more),
-                    ("BIASED", (*biased).into()),
+                    ("ADJUSTED", (*adjusted).into()),
                 ];
-                ("shade", self.sources.words_for("shade.comp", targets), key, constants)
+                ("shade", self.sources.variant("shade.comp", targets), key, constants)
             }
-            KernelRequest::Ordered(key, formats, biased, depth) => {
+            KernelRequest::Ordered(key, formats, adjusted, depth) => {
                 let (targets, [formats, more]) = (targets(*formats), halves(*formats));
                 let constants = vec![
                     ("SUBGROUP_WIDTH", width),
                     ("FORMATS", formats),
                     ("MORE_FORMATS", more),
-                    ("BIASED", (*biased).into()),
+                    ("ADJUSTED", (*adjusted).into()),
                     ("DEPTH", *depth),
                 ];
-                ("ordered", self.sources.words_for("ordered.comp", targets), key, constants)
+                ("ordered", self.sources.variant("ordered.comp", targets), key, constants)
             }
         };
         let native = self.gpu.has_compute_derivatives();
@@ -184,12 +190,12 @@ impl Maker {
 }
 
 /// What a kernel for these targets is compiled for.
-fn targets(formats: ColorFormats) -> Colors {
+fn targets(formats: ColorFormats) -> Variant {
     let formats = formats.to_le_bytes().map(u32::from);
     let there = || formats.iter().filter(|format| **format != abi::NO_FORMAT);
     let is_common = |format: &u32| COMMON.iter().any(|common| *common as u32 == *format);
-    let most = if there().count() > 1 { abi::MAX_COLORS } else { 1 };
-    Colors { most, any_format: !there().all(is_common) }
+    let colors = if there().count() > 1 { abi::MAX_COLORS } else { 1 };
+    Variant { colors, any_format: !there().all(is_common) }
 }
 
 /// The formats that `lib/color.glsl` knows without `lib/any_color.glsl`.

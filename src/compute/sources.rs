@@ -3,7 +3,7 @@
 use crate::{
     error::{Error, Result},
     prebuilt::{self, FILES, KERNELS},
-    shader::{Colors, check_text, compile_stage, splice::check_hooks},
+    shader::{Variant, check_text, compile_stage, splice::check_hooks},
 };
 use std::{cell::RefCell, collections::BTreeSet};
 
@@ -17,8 +17,8 @@ const SHARED: &str = "abi.glsl";
 /// The words of all kernels.
 #[derive(Default)]
 pub struct Sources {
-    /// The kernels whose text the user changed: file, colour targets, words.
-    own: Vec<(&'static str, Colors, Vec<u32>)>,
+    /// The kernels whose text the user changed: file, what it is compiled for, words.
+    own: Vec<(&'static str, Variant, Vec<u32>)>,
 }
 
 impl Sources {
@@ -46,10 +46,10 @@ impl Sources {
         };
         let old = |name: &str| known(FILES, name).ok_or_else(|| missing(name));
         let mut changed = Vec::new();
-        for (kernel, colors, _) in KERNELS {
+        for (kernel, variant, _) in KERNELS {
             let text = source::expand(&new, kernel).map_err(|e| Error::shader(*kernel, e))?;
             if source::expand(&old, kernel) != Ok(text) {
-                changed.push((*kernel, *colors));
+                changed.push((*kernel, *variant));
             }
         }
         let used = used.into_inner();
@@ -68,14 +68,14 @@ impl Sources {
                 )));
             }
         }
-        let compile = |&(kernel, colors): &(&'static str, Colors)| {
+        let compile = |&(kernel, variant): &(&'static str, Variant)| {
             let text = read(kernel).unwrap_or_default();
-            let defines = format!("{}{}", prebuilt::DEFINES, colors.macros());
+            let defines = format!("{}{}", prebuilt::DEFINES, variant.macros());
             let words = compile_stage(kernel, &text, &defines, &read)?;
-            let built = KERNELS.iter().find(|(name, most, _)| (*name, *most) == (kernel, colors));
+            let built = KERNELS.iter().find(|(name, of, _)| (*name, *of) == (kernel, variant));
             let built = built.expect("it is changed").2;
             check_hooks(&words, built).map_err(|fault| Error::shader(kernel, fault))?;
-            Ok((kernel, colors, words))
+            Ok((kernel, variant, words))
         };
         Ok(Self { own: changed.iter().map(compile).collect::<Result<_>>()? })
     }
@@ -85,16 +85,16 @@ impl Sources {
         self.own.is_empty()
     }
 
-    /// The words of the kernel that the file `name` is, which does not ask for colour targets.
+    /// The words of the kernel that the file `name` is, which has one variant.
     pub fn words(&self, name: &str) -> &[u32] {
-        self.words_for(name, Colors::ONE)
+        self.variant(name, Variant::PLAIN)
     }
 
-    /// As [`Sources::words`], for such colour targets.
-    pub fn words_for(&self, name: &str, colors: Colors) -> &[u32] {
-        let is = |kernel: &str, of_kernel: Colors| kernel == name && of_kernel == colors;
-        let own = self.own.iter().find(|(kernel, most, _)| is(kernel, *most));
-        let built = || KERNELS.iter().find(|(kernel, most, _)| is(kernel, *most));
+    /// As [`Sources::words`], of one variant.
+    pub fn variant(&self, name: &str, variant: Variant) -> &[u32] {
+        let is = |kernel: &str, of_kernel: Variant| kernel == name && of_kernel == variant;
+        let own = self.own.iter().find(|(kernel, of, _)| is(kernel, *of));
+        let built = || KERNELS.iter().find(|(kernel, of, _)| is(kernel, *of));
         let built = || built().map(|(_, _, words)| *words);
         own.map(|(_, _, words)| words.as_slice()).or_else(built).expect("a kernel of the engine")
     }

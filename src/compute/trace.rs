@@ -159,7 +159,8 @@ impl Names<'_> {
             front: has(abi::TRIANGLE_FRONT),
             cut: has(abi::TRIANGLE_CUT),
             level: flags >> abi::TRIANGLE_LEVEL_SHIFT,
-            exponent: has(abi::TRIANGLE_BIASED).then_some(t.flags >> abi::TRIANGLE_EXPONENT_SHIFT),
+            exponent: has(abi::TRIANGLE_ADJUSTED)
+                .then_some(t.flags >> abi::TRIANGLE_EXPONENT_SHIFT),
         })
     }
 

@@ -71,8 +71,8 @@ pub(crate) fn decode(format: Format, texel: &[u8]) -> [f32; 4] {
         match format.numeric() {
             Numeric::Unorm | Numeric::Srgb => number as f32 / masks[n] as f32,
             Numeric::Snorm => (signed(number) as f32 / (masks[n] >> 1) as f32).max(-1.0),
-            Numeric::Uint => number as f32,
-            Numeric::Sint => signed(number) as f32,
+            Numeric::Uint | Numeric::Uscaled => number as f32,
+            Numeric::Sint | Numeric::Sscaled => signed(number) as f32,
             Numeric::Float | Numeric::Depth => match format.packing() {
                 Packing::Bits16 => half_to_f32(number as u16),
                 // The exponent is that of a half float.
@@ -105,7 +105,7 @@ fn masks(format: Format) -> [u32; 4] {
         Packing::Bits8 | Packing::Bgra8 => [0xff; 4],
         Packing::Bits16 => [0xffff; 4],
         Packing::Bits32 => [u32::MAX; 4],
-        Packing::Rgb10a2 => [0x3ff, 0x3ff, 0x3ff, 3],
+        Packing::Rgb10a2 | Packing::Bgr10a2 => [0x3ff, 0x3ff, 0x3ff, 3],
         Packing::Rg11b10 => [0x7ff, 0x7ff, 0x3ff, 0],
         Packing::R5g6b5 => [0x1f, 0x3f, 0x1f, 0],
         Packing::A1r5g5b5 => [0x1f, 0x1f, 0x1f, 1],
@@ -120,6 +120,7 @@ fn shifts(format: Format) -> [u32; 4] {
         Packing::Bits16 => [0, 16, 0, 16],
         Packing::Bits32 => [0; 4],
         Packing::Rgb10a2 => [0, 10, 20, 30],
+        Packing::Bgr10a2 => [20, 10, 0, 30],
         Packing::Rg11b10 => [0, 11, 22, 0],
         Packing::R5g6b5 => [11, 5, 0, 0],
         Packing::A1r5g5b5 => [10, 5, 0, 15],

@@ -45,8 +45,10 @@ impl Pipeline {
         cull: Cull,
         front_face: FrontFace,
         depth: DepthState,
+        depth_clamp: bool,
         ;
         into
+        depth_clip: Option<bool>,
         logic_op: Option<LogicOp>,
         vertex: Arc<Shader>,
         fragment: Arc<Shader>,

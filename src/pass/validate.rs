@@ -8,7 +8,7 @@ mod targets;
 pub(crate) use pipeline::check_outputs;
 pub(crate) use targets::check_color_targets;
 
-use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline, StepRate};
+use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline};
 use crate::{
     error::{Error, Result},
     kept::ByIdentity,
@@ -385,9 +385,14 @@ fn check_attributes(draw: &Draw, pipeline: &Pipeline, last: i64, last_instance: 
     for attribute in &pipeline.vertex_attributes {
         let n = attribute.binding as usize;
         let (binding, range) = (pipeline.vertex_bindings[n], &draw.vertex_buffers[n]);
-        let (what, element) = match binding.rate {
-            StepRate::Vertex => ("vertex", last),
-            StepRate::Instance => ("instance", last_instance),
+        let first_instance = i64::from(draw.first_instance);
+        let (what, element) = match binding.rate.divisor().map(i64::from) {
+            None => ("vertex", last),
+            // Every instance reads the element of the first one.
+            Some(0) => ("instance", first_instance.min(last_instance)),
+            Some(n) => {
+                ("instance", (last_instance - first_instance).div_euclid(n) + first_instance)
+            }
         };
         let size = attribute.format.bytes() as i64;
         let end = element * i64::from(binding.stride) + i64::from(attribute.offset) + size;
@@ -400,13 +405,13 @@ fn check_attributes(draw: &Draw, pipeline: &Pipeline, last: i64, last_instance: 
                 range.bytes
             ));
         }
-        if range.offset % attribute.format.component.bytes() != 0 {
+        let alignment = attribute.format.alignment();
+        if range.offset % alignment != 0 {
             return Err(format!(
-                "binding {n} starts at byte {} of buffer `{}`; attribute {} has {}-byte components",
+                "binding {n} starts at byte {} of buffer `{}`; attribute {} has {alignment}-byte components",
                 range.offset,
                 range.buffer.label(),
                 attribute.location,
-                attribute.format.component.bytes()
             ));
         }
     }

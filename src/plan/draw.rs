@@ -5,7 +5,7 @@ use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     format::{Format, Numeric},
-    pass::{Draw, Pipeline, VertexAttribute},
+    pass::{Draw, Pipeline, StepRate, VertexAttribute},
     state::{BlendEquation, ColorState, DepthState, LogicOp, Topology},
 };
 use std::ops::Range;
@@ -83,7 +83,7 @@ impl Planning<'_> {
             });
             let piece =
                 Piece { first_primitive: open.primitives, fragment_kernel: kernel as u32, ..piece };
-            open.biased |= draw.depth_bias.is_some();
+            open.adjusted |= pipeline.adjusts_depth(draw);
             open.primitives += take;
             open.vertices += slots.unwrap_or(0);
             open.varying_words += slots.unwrap_or(0) * info.varying_stride;
@@ -194,7 +194,8 @@ impl Planning<'_> {
             rect_max,
             cut: u32::from(rect_min != [0, 0] || rect_max != full),
             depth_state: depth_state(&pipeline.depth, self.pass.depth.is_some())
-                | if draw.depth_bias.is_some() { abi::DEPTH_STATE_BIAS } else { 0 },
+                | if pipeline.adjusts_depth(draw) { abi::DEPTH_STATE_ADJUSTED } else { 0 }
+                | if pipeline.clips_depth() { 0 } else { abi::DEPTH_STATE_UNCLIPPED },
             depth_bias: draw
                 .depth_bias
                 .map_or([0.0; 3], |bias| [bias.constant, bias.slope, bias.clamp]),
@@ -204,6 +205,10 @@ impl Planning<'_> {
                 color_state(pipeline.color_state(target), (pipeline.logic_op.is_some(), logic))
             }),
             depth_bounds: draw.depth_bounds,
+            depth_limits: match pipeline.depth_clamp {
+                true => viewport.depths(),
+                false => [0.0, 1.0],
+            },
             blend_constants: draw.blend_constants,
             ..Piece::default()
         }))
@@ -225,7 +230,10 @@ impl Planning<'_> {
             self.plan.attributes.push(Attribute {
                 slot: self.slots.buffer(&range.buffer)?,
                 offset: range.offset as u32 + attribute.offset,
-                stride: binding.stride,
+                stride: match binding.rate {
+                    StepRate::Vertex | StepRate::Instance => binding.stride,
+                    StepRate::Instances(n) => binding.stride | n << abi::ATTRIBUTE_DIVISOR_SHIFT,
+                },
                 last: last_element(range.bytes, attribute, binding.stride),
             });
         }
@@ -319,6 +327,7 @@ fn takes_logic(format: Format) -> bool {
     match format.numeric() {
         Numeric::Unorm | Numeric::Snorm | Numeric::Uint | Numeric::Sint => true,
         Numeric::Srgb | Numeric::Float | Numeric::Depth => false,
+        Numeric::Uscaled | Numeric::Sscaled => false,
     }
 }
 

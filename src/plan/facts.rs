@@ -64,10 +64,14 @@ fn attributes(pipeline: &Pipeline) -> Vec<(u32, u32)> {
         let format = attribute.format;
         let VertexBinding { stride, rate } = pipeline.vertex_bindings[attribute.binding as usize];
         // One element for all vertices is also one for all vertices of an instance.
-        let per_instance = rate == StepRate::Instance || stride == 0;
-        let per_instance = u32::from(per_instance) * abi::ATTRIBUTE_PER_INSTANCE;
-        let count = u32::from(format.count) << abi::ATTRIBUTE_COUNT_SHIFT;
-        (attribute.location, format.component as u32 | count | per_instance)
+        let flag = |on, flag| if on { flag } else { 0 };
+        let per_instance = rate != StepRate::Vertex || stride == 0;
+        let bits = format.numeric as u32
+            | (format.packing as u32) << abi::ATTRIBUTE_PACKING_SHIFT
+            | u32::from(format.count) << abi::ATTRIBUTE_COUNT_SHIFT
+            | flag(per_instance, abi::ATTRIBUTE_PER_INSTANCE)
+            | flag(matches!(rate, StepRate::Instances(_)), abi::ATTRIBUTE_DIVIDED);
+        (attribute.location, bits)
     };
     let read = |a: &&VertexAttribute| {
         pipeline.vertex.reflection.inputs.iter().any(|input| input.location == a.location)

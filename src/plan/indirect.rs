@@ -70,7 +70,7 @@ impl Planning<'_> {
             fragment_kernels.push(info.fragment_kernel);
             self.plan.batches.push(BatchPlan {
                 method: info.method,
-                biased: draw.depth_bias.is_some(),
+                adjusted: self.pass.pipelines[draw.pipeline].adjusts_depth(draw),
                 primitives,
                 piece_first,
                 piece_count: 1,

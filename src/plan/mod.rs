@@ -107,8 +107,8 @@ pub struct VertexWork {
 pub struct BatchPlan {
     /// How it is drawn.
     pub method: Method,
-    /// Whether some of its draws have a depth bias.
-    pub biased: bool,
+    /// Whether depths of some of its draws are adjusted.
+    pub adjusted: bool,
     /// Primitives.
     pub primitives: u32,
     /// First piece in [`Plan::pieces`].
@@ -193,7 +193,7 @@ struct PipelineInfo {
 /// A batch that still takes pieces. Vertex slots are given out when it closes.
 struct OpenBatch {
     method: Method,
-    biased: bool,
+    adjusted: bool,
     piece_first: u32,
     primitives: u32,
     vertices: u32,
@@ -380,7 +380,7 @@ impl Planning<'_> {
         }
         self.plan.batches.push(BatchPlan {
             method: open.method,
-            biased: open.biased,
+            adjusted: open.adjusted,
             primitives: open.primitives,
             piece_first: open.piece_first,
             piece_count: self.plan.pieces.len() as u32 - open.piece_first,
@@ -419,7 +419,7 @@ impl Planning<'_> {
         let fragment_kernels = self.spare.kernels.pop().unwrap_or_default();
         self.open = Some(OpenBatch {
             method,
-            biased: false,
+            adjusted: false,
             piece_first,
             primitives: 0,
             vertices: kept.0,

@@ -24,6 +24,8 @@ pub struct Assembled {
     pub bias: Option<DepthBias>,
     /// Of the draw.
     pub depth_bounds: [f32; 2],
+    /// Least and greatest depth of a fragment.
+    pub depth_limits: [f32; 2],
 }
 
 /// All primitives of `pass`, which is valid and a snapshot.
@@ -40,7 +42,12 @@ fn of_draw(
     draw: &Draw,
     window: Window,
 ) -> impl Iterator<Item = Assembled> {
-    let topology = pass.pipelines[draw.pipeline].topology;
+    let pipeline = &pass.pipelines[draw.pipeline];
+    let topology = pipeline.topology;
+    let depth_limits = match pipeline.depth_clamp {
+        true => draw.viewport_in(pass.extent).depths(),
+        false => [0.0, 1.0],
+    };
     let per_instance = topology.primitives(draw.count);
     (0..per_instance * draw.instances).map(move |n| {
         let (instance, primitive) = (draw.first_instance + n / per_instance, n % per_instance);
@@ -56,6 +63,7 @@ fn of_draw(
             window,
             bias: draw.depth_bias,
             depth_bounds: draw.depth_bounds,
+            depth_limits,
         }
     })
 }

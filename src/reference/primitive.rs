@@ -32,11 +32,12 @@ fn parts(input: &Input, number: usize) -> Parts {
     if !corners.iter().flatten().all(usable) {
         return vec![None];
     }
-    let hidden = (0..PLANES).any(|p| corners.iter().all(|&c| distance(p, c) < 0.0));
+    let planes = planes(input.pipeline(number));
+    let hidden = (0..planes).any(|p| corners.iter().all(|&c| distance(p, c) < 0.0));
     if hidden {
         return vec![None];
     }
-    let polygon = clip(&corners);
+    let polygon = clip(&corners, planes);
     if polygon.len() < 3 || polygon.iter().any(|c| flush(c.position[3]) <= 0.0) {
         return vec![None];
     }
@@ -53,7 +54,11 @@ fn flush(a: f32) -> f32 {
     if a.is_subnormal() || a == 0.0 { 0.0 } else { a }
 }
 
-const PLANES: usize = 6;
+/// How many planes the primitives of a pipeline are clipped by: the four sides, then near and far.
+fn planes(pipeline: &Pipeline) -> usize {
+    let near_and_far = pipeline.depth_clip.unwrap_or(!pipeline.depth_clamp);
+    if near_and_far { 6 } else { 4 }
+}
 
 fn distance(plane: usize, [x, y, z, w]: Vec4) -> f32 {
     [w - x, w + x, w - y, w + y, z, w - z][plane]
@@ -68,10 +73,10 @@ struct Corner {
 }
 
 /// Sutherland and Hodgman: the polygon that the planes leave of a triangle.
-fn clip(triangle: &[Vec4; 3]) -> Vec<Corner> {
+fn clip(triangle: &[Vec4; 3], planes: usize) -> Vec<Corner> {
     let mut polygon: Vec<_> =
         triangle.iter().map(|&position| Corner { position, made: false }).collect();
-    for plane in 0..PLANES {
+    for plane in 0..planes {
         if triangle.iter().all(|&c| distance(plane, c) >= 0.0) {
             continue;
         }
@@ -165,6 +170,7 @@ fn set_up(
 
     let [dzdx, dzdy, z] = depth_plane(corners);
     let largest = corners.iter().map(|corner| corner[2].abs()).fold(0.0, f32::max);
+    let adjusted = assembled.bias.is_some() || pipeline.depth_clamp || planes(pipeline) == 4;
     let mut triangle = Triangle {
         x,
         y,
@@ -177,7 +183,7 @@ fn set_up(
         front,
         cut,
         level: 0,
-        exponent: assembled.bias.map(|_| largest.to_bits() >> 23),
+        exponent: adjusted.then_some(largest.to_bits() >> 23),
     };
     triangle.level = super::binning::level(grid, &triangle) as u32;
     Some(triangle)

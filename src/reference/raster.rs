@@ -22,9 +22,9 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
         };
         for (part, triangle) in parts.iter().enumerate() {
             let Some(triangle) = triangle else { continue };
-            let Assembled { bias, depth_bounds, .. } = input.primitives[number];
             let key = key(number, part);
-            draw(input.grid, (state, bias, depth_bounds), triangle, key, depth, &mut visibility);
+            let of_draw = (state, &input.primitives[number]);
+            draw(input.grid, of_draw, triangle, key, depth, &mut visibility);
         }
     }
     visibility
@@ -32,12 +32,13 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
 
 fn draw(
     grid: &Grid,
-    (state, bias, [least, greatest]): (DepthState, Option<DepthBias>, [f32; 2]),
+    (state, assembled): (DepthState, &Assembled),
     t: &Triangle,
     key: u32,
     depth: &mut [f32],
     visibility: &mut [u32],
 ) {
+    let Assembled { bias, depth_bounds: [least, greatest], depth_limits, .. } = *assembled;
     let bias = bias.map(|bias| bias_of(bias, t));
     for y in t.first[1]..=t.last[1] {
         for x in t.first[0]..=t.last[0] {
@@ -45,7 +46,7 @@ fn draw(
                 continue;
             }
             let at = (y * grid.extent.width + x) as usize;
-            let z = depth_at(grid, (t, bias), x, y);
+            let z = depth_at(grid, (t, bias, depth_limits), x, y);
             if state.bounds && !(least..=greatest).contains(&depth[at]) {
                 continue;
             }
@@ -66,11 +67,16 @@ pub fn covers(grid: &Grid, t: &Triangle, x: u32, y: u32) -> bool {
     (0..3).all(|edge| edge_at(t, edge, x, y) >= 0)
 }
 
-fn depth_at(grid: &Grid, (t, bias): (&Triangle, Option<f32>), x: u32, y: u32) -> f32 {
+fn depth_at(
+    grid: &Grid,
+    (t, bias, [least, greatest]): (&Triangle, Option<f32>, [f32; 2]),
+    x: u32,
+    y: u32,
+) -> f32 {
     let (x, y) = (x as f32, (y + grid.origin_y) as f32);
     let z = multiply_add(t.dzdy, y, multiply_add(t.dzdx, x, t.z));
     let z = bias.map_or(z, |bias| z + bias);
-    if z > 0.0 { z.min(1.0) } else { 0.0 }
+    if z > least { z.min(greatest) } else { least }
 }
 
 /// What is added to all depths of a triangle: as the specification says it, less what no depth shows.
@@ -81,7 +87,7 @@ fn bias_of(bias: DepthBias, t: &Triangle) -> f32 {
     let sum = step * constant + t.dzdx.abs().max(t.dzdy.abs()) * slope;
     let sum = if clamp > 0.0 { sum.min(clamp) } else { sum };
     let sum = if clamp < 0.0 { sum.max(clamp) } else { sum };
-    sum.clamp(-2.0, 2.0)
+    sum.clamp(-(2f32.powi(60)), 2f32.powi(60))
 }
 
 fn passes(compare: Compare, new: f32, old: f32) -> bool {

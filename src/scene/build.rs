@@ -355,6 +355,8 @@ impl Pipelines<'_> {
                 true => FrontFace::Clockwise,
             },
             depth: DepthState { write: !blended, ..DepthState::LESS },
+            depth_clamp: false,
+            depth_clip: None,
             colors: vec![ColorState::default().blend(blended.then_some(Blend::ALPHA))],
             logic_op: None,
         }

@@ -37,31 +37,33 @@ pub fn forbid_contraction(module: &mut Module) {
     module.annotations.extend(exact);
 }
 
-/// The colour targets that a kernel is compiled for.
+/// What a kernel is compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Colors {
-    /// How many there may be.
-    pub most: u32,
-    /// Whether they may have any format, or one of the common ones.
+pub struct Variant {
+    /// How many colour targets there may be.
+    pub colors: u32,
+    /// Whether targets or vertex attributes may have any format, or one of the common ones.
     pub any_format: bool,
 }
 
-impl Colors {
+impl Variant {
     /// What kernels are compiled for that do not ask.
     #[allow(dead_code)] // for the library
-    pub const ONE: Self = Self { most: 1, any_format: false };
+    pub const PLAIN: Self = Self { colors: 1, any_format: false };
 
-    /// All of them, with up to `most` targets.
+    /// Those that the kernel `text`, without its macros, tells apart, with up to `most` targets.
     #[allow(dead_code)] // for the tool
-    pub fn all(most: u32) -> [Self; 4] {
-        [(1, false), (most, false), (1, true), (most, true)]
-            .map(|(most, any_format)| Self { most, any_format })
+    pub fn all(text: &str, most: u32) -> Vec<Self> {
+        let counts = if text.contains("EACH_COLOR") { vec![1, most] } else { vec![1] };
+        let formats = if text.contains("ANY_FORMAT") { vec![false, true] } else { vec![false] };
+        let of = |colors| formats.iter().map(move |&any_format| Self { colors, any_format });
+        counts.into_iter().flat_map(of).collect()
     }
 
     /// The macros that a kernel is compiled with.
     pub fn macros(self) -> String {
         let any = if self.any_format { "#define ANY_FORMAT\n" } else { "" };
-        format!("#define COLORS {}\n{any}", self.most)
+        format!("#define COLORS {}\n{any}", self.colors)
     }
 }
 

@@ -47,7 +47,7 @@ pub(crate) mod testing {
 }
 
 use crate::{Error, Result, abi, format::Format, image::Shape, load_spirv::load};
-pub(crate) use engine::Colors;
+pub(crate) use engine::Variant;
 pub use file::FileOptions;
 pub(crate) use resource::ResourceArray;
 use rspirv::binary::Assemble as _;

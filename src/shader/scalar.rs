@@ -17,12 +17,21 @@ pub enum Scalar {
 impl Scalar {
     /// What shaders read from images of `format`, and write to targets of it.
     pub const fn of(format: Format) -> Self {
-        match format.numeric() {
+        Self::of_numeric(format.numeric())
+    }
+
+    /// What shaders read of such channels.
+    pub(crate) const fn of_numeric(numeric: Numeric) -> Self {
+        match numeric {
             Numeric::Uint => Self::Uint,
             Numeric::Sint => Self::Int,
-            Numeric::Unorm | Numeric::Srgb | Numeric::Snorm | Numeric::Float | Numeric::Depth => {
-                Self::Float
-            }
+            Numeric::Unorm
+            | Numeric::Srgb
+            | Numeric::Snorm
+            | Numeric::Uscaled
+            | Numeric::Sscaled
+            | Numeric::Float
+            | Numeric::Depth => Self::Float,
         }
     }
 }

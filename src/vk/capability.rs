@@ -4,7 +4,7 @@
 //! is ours. It lists capabilities that users' shaders are known to use and some device is known to lack;
 //! capabilities beyond the list are left to the driver and the validation layer.
 
-use super::requirements::Probe;
+use super::requirements::{COMPUTE_DERIVATIVES, Probe};
 use ash::vk::{SubgroupFeatureFlags, TRUE};
 use rspirv::spirv::{Capability, Op};
 
@@ -86,7 +86,7 @@ const CAPABILITIES: &[(Capability, &str, Offers)] = &[
         subgroups(p, SubgroupFeatureFlags::CLUSTERED)
     }),
     (Capability::ComputeDerivativeGroupLinearKHR, "VK_KHR_compute_shader_derivatives", |p| {
-        p.derivatives_extension().is_some()
+        COMPUTE_DERIVATIVES.is_on(&p.features)
     }),
 ];
 

@@ -2,8 +2,9 @@
 
 use super::{
     device,
+    extension::{EXTENSIONS, Structure},
     features::{Feature, Features},
-    requirements::{DERIVATIVES_EXTENSIONS, OPTIONAL, Optional, Probe, REQUIREMENTS},
+    requirements::{OPTIONAL, Optional, Probe, REQUIREMENTS},
 };
 use crate::error::Result;
 use ash::vk::{self, TaggedStructure};
@@ -14,20 +15,12 @@ use std::ffi::{CStr, c_char, c_void};
 pub struct Enable {
     /// Required, or optional and offered.
     features: Vec<Feature>,
-    /// The extension for derivatives in compute, if the device has it.
-    derivatives: Option<&'static CStr>,
+    /// The extensions that some of them belong to.
+    needed: Vec<&'static CStr>,
     /// What the chain points to once something was added to it.
     core: vk::PhysicalDeviceFeatures,
     extensions: Vec<*const c_char>,
     added: Vec<Structure>,
-}
-
-/// The layout of all structures that hold features: nothing but booleans comes after the chain. It has room for any of them.
-#[repr(C)]
-struct Structure {
-    kind: vk::StructureType,
-    next: *mut Structure,
-    booleans: [vk::Bool32; 64],
 }
 
 impl Enable {
@@ -43,9 +36,15 @@ impl Enable {
         device::check(&device::describe(0, &probe), false)?;
         let optional = OPTIONAL.iter().filter(|optional| optional.present(&probe));
         let features = REQUIREMENTS.iter().map(|required| required.features);
+        let features: Vec<_> =
+            features.chain(optional.map(features_of)).flatten().copied().collect();
+        let on = added_to(Features::default(), &features);
         Ok(Self {
-            features: features.chain(optional.map(features_of)).flatten().copied().collect(),
-            derivatives: probe.derivatives_extension(),
+            needed: on
+                .extended()
+                .filter_map(|n| EXTENSIONS[n].offered(&probe.extensions))
+                .collect(),
+            features,
             core: vk::PhysicalDeviceFeatures::default(),
             extensions: Vec::new(),
             added: Vec::new(),
@@ -54,13 +53,12 @@ impl Enable {
 
     /// The features, by Vulkan's names.
     pub fn features(&self) -> impl Iterator<Item = &'static str> {
-        let derivatives = self.derivatives.map(|_| "computeDerivativeGroupLinear");
-        self.features.iter().map(|feature| feature.name).chain(derivatives)
+        self.features.iter().map(|feature| feature.name)
     }
 
     /// The extensions.
     pub fn extensions(&self) -> impl Iterator<Item = &'static CStr> {
-        self.derivatives.into_iter()
+        self.needed.iter().copied()
     }
 
     /// Adds all of it to `info`. Structures of features that are in the chain of `info` are written to. Structures that
@@ -84,7 +82,7 @@ impl Enable {
             // SAFETY: the caller's promise.
             let given = unsafe { info.p_enabled_features.as_ref() };
             let core = given.copied().unwrap_or_default();
-            self.core = self.added_to(Features { core, ..Features::default() }).core;
+            self.core = added_to(Features { core, ..Features::default() }, &self.features).core;
             info.p_enabled_features = &self.core;
         }
         let mut missing = Vec::new();
@@ -95,11 +93,10 @@ impl Enable {
                 false => missing.push(version),
             }
         }
-        missing.push(DERIVATIVES);
+        missing.extend(EXTENSIONS.iter().map(|extension| extension.kind));
         self.added.clear();
         for kind in missing.into_iter().filter(|kind| !is_there(*kind)) {
-            let (next, booleans) = (std::ptr::null_mut(), [vk::FALSE; 64]);
-            let mut structure = Structure { kind, next, booleans };
+            let mut structure = Structure::new(kind);
             // SAFETY: it is of this kind and large enough.
             unsafe { self.turn_on(kind, (&raw mut structure).cast()) };
             if structure.booleans.contains(&vk::TRUE) {
@@ -113,16 +110,9 @@ impl Enable {
         // SAFETY: the caller's promise.
         let named = unsafe { extensions(&info) };
         self.extensions = named.iter().map(|name| name.as_ptr()).collect();
-        let others = self.derivatives.iter().filter(|name| !named.contains(name));
+        let others = self.needed.iter().filter(|name| !named.contains(name));
         self.extensions.extend(others.map(|name| name.as_ptr()));
         info.enabled_extension_names(&self.extensions)
-    }
-
-    /// `given`, with all features on that are wanted.
-    fn added_to(&self, mut given: Features) -> Features {
-        self.features.iter().for_each(|feature| (feature.set)(&mut given));
-        given.derivatives |= self.derivatives.is_some();
-        given
     }
 
     /// Turns on in `structure` the features of its kind.
@@ -134,7 +124,7 @@ impl Enable {
         // SAFETY: the caller's promise. What is not known is left alone, before and after.
         unsafe {
             read(&mut features, kind, structure);
-            write(&self.added_to(features), kind, structure);
+            write(&added_to(features, &self.features), kind, structure);
         }
     }
 }
@@ -143,9 +133,11 @@ fn features_of(optional: &Optional) -> &'static [Feature] {
     optional.features
 }
 
-/// ash knows the structure under its older name; the structure type is the same.
-type Derivatives = vk::PhysicalDeviceComputeShaderDerivativesFeaturesNV<'static>;
-const DERIVATIVES: vk::StructureType = Derivatives::STRUCTURE_TYPE;
+/// `given`, with all features on that are `wanted`.
+fn added_to(mut given: Features, wanted: &[Feature]) -> Features {
+    wanted.iter().for_each(|feature| (feature.set)(&mut given));
+    given
+}
 
 /// The structures that hold all features of a version of Vulkan.
 const VERSIONS: [vk::StructureType; 3] = [
@@ -241,11 +233,13 @@ unsafe fn read(features: &mut Features, kind: vk::StructureType, structure: *con
             vk::PhysicalDeviceVulkan11Features::STRUCTURE_TYPE => features.v11 = *structure.cast(),
             vk::PhysicalDeviceVulkan12Features::STRUCTURE_TYPE => features.v12 = *structure.cast(),
             vk::PhysicalDeviceVulkan13Features::STRUCTURE_TYPE => features.v13 = *structure.cast(),
-            DERIVATIVES => {
-                features.derivatives =
-                    (*structure.cast::<Derivatives>()).compute_derivative_group_linear == vk::TRUE;
-            }
             _ => {
+                if let Some(number) = EXTENSIONS.iter().position(|e| e.kind == kind) {
+                    let booleans = &raw const (*structure.cast::<Structure>()).booleans;
+                    for n in 0..EXTENSIONS[number].features {
+                        features.extended[number][n] = *booleans.cast::<vk::Bool32>().add(n);
+                    }
+                }
                 if let Some(part) = PARTS.iter().find(|part| part.kind == kind) {
                     (part.read)(structure, features);
                 }
@@ -268,11 +262,13 @@ unsafe fn write(features: &Features, kind: vk::StructureType, structure: *mut c_
             vk::PhysicalDeviceVulkan11Features::STRUCTURE_TYPE => *structure.cast() = features.v11,
             vk::PhysicalDeviceVulkan12Features::STRUCTURE_TYPE => *structure.cast() = features.v12,
             vk::PhysicalDeviceVulkan13Features::STRUCTURE_TYPE => *structure.cast() = features.v13,
-            DERIVATIVES => {
-                (*structure.cast::<Derivatives>()).compute_derivative_group_linear =
-                    features.derivatives.into();
-            }
             _ => {
+                if let Some(number) = EXTENSIONS.iter().position(|e| e.kind == kind) {
+                    let booleans = &raw mut (*structure.cast::<Structure>()).booleans;
+                    for n in 0..EXTENSIONS[number].features {
+                        *booleans.cast::<vk::Bool32>().add(n) = features.extended[number][n];
+                    }
+                }
                 if let Some(part) = PARTS.iter().find(|part| part.kind == kind) {
                     (part.write)(features, structure);
                 }
@@ -331,7 +327,11 @@ pub(super) unsafe fn keep_enabled(probe: &mut Probe, info: &vk::DeviceCreateInfo
         if names.contains(&ash::khr::sampler_mirror_clamp_to_edge::NAME) {
             enabled.v12.sampler_mirror_clamp_to_edge = vk::TRUE;
         }
-        enabled.derivatives &= names.iter().any(|name| DERIVATIVES_EXTENSIONS.contains(name));
+        for (booleans, extension) in enabled.extended.iter_mut().zip(&EXTENSIONS) {
+            if extension.offered(&probe.extensions).is_none() {
+                booleans.fill(vk::FALSE);
+            }
+        }
     }
     probe.features = enabled;
     probe.opened = true;
@@ -340,7 +340,7 @@ pub(super) unsafe fn keep_enabled(probe: &mut Probe, info: &vk::DeviceCreateInfo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vk::capability;
+    use crate::vk::{capability, extension::MAX_FEATURES};
 
     fn all() -> Vec<Feature> {
         let optional = OPTIONAL.iter().flat_map(features_of);
@@ -348,8 +348,9 @@ mod tests {
     }
 
     fn enable(features: Vec<Feature>) -> Enable {
-        let (derivatives, core) = (Some(DERIVATIVES_EXTENSIONS[0]), Default::default());
-        Enable { features, derivatives, core, extensions: Vec::new(), added: Vec::new() }
+        let needed = EXTENSIONS.iter().map(|extension| extension.names[0]).collect();
+        let core = Default::default();
+        Enable { features, needed, core, extensions: Vec::new(), added: Vec::new() }
     }
 
     /// Whatever is left out is missed, and nothing else is, where the structures of the versions are added and where their
@@ -376,8 +377,9 @@ mod tests {
                     let expected = other.name != feature.name;
                     assert_eq!(other.is_on(&probe.features), expected, "{other:?} {feature:?}");
                 }
-                assert!(probe.features.derivatives && probe.opened);
-                assert_eq!(probe.extensions, ["VK_KHR_compute_shader_derivatives"]);
+                assert!(probe.opened);
+                let names = EXTENSIONS.iter().map(|e| e.names[0].to_str().unwrap());
+                assert!(probe.extensions.iter().map(String::as_str).eq(names));
             }
         }
     }
@@ -385,8 +387,9 @@ mod tests {
     /// Users' shaders may need features that this library does not: they are found in all structures.
     #[test]
     fn no_feature_of_users_shaders_is_overlooked() {
-        let mut features = Features { derivatives: true, ..Features::default() };
-        let (next, booleans) = (std::ptr::null_mut(), [vk::TRUE; 64]);
+        let mut features = Features::default();
+        features.extended.as_flattened_mut().fill(vk::TRUE);
+        let (next, booleans) = (std::ptr::null_mut(), [vk::TRUE; MAX_FEATURES]);
         for part in PARTS {
             let structure = Structure { kind: part.kind, next, booleans };
             // SAFETY: it is of this kind.

@@ -1,16 +1,29 @@
 //! The features of Vulkan, as the structures of its versions hold them.
 
+use super::extension::{EXTENSIONS, MAX_FEATURES};
 use ash::vk;
 
-/// Features of Vulkan 1.0 to 1.3, and of the one extension that the engine uses; plain copies, no chains.
-#[derive(Clone, Default)]
+/// Features of Vulkan 1.0 to 1.3, and of the extensions that the engine uses; plain copies, no chains.
+#[derive(Clone)]
 pub(super) struct Features {
     pub core: vk::PhysicalDeviceFeatures,
     pub v11: vk::PhysicalDeviceVulkan11Features<'static>,
     pub v12: vk::PhysicalDeviceVulkan12Features<'static>,
     pub v13: vk::PhysicalDeviceVulkan13Features<'static>,
-    /// `computeDerivativeGroupLinear`.
-    pub derivatives: bool,
+    /// The features of each of [`EXTENSIONS`], in the order of its structure.
+    pub extended: [[vk::Bool32; MAX_FEATURES]; EXTENSIONS.len()],
+}
+
+impl Default for Features {
+    fn default() -> Self {
+        Self {
+            core: Default::default(),
+            v11: Default::default(),
+            v12: Default::default(),
+            v13: Default::default(),
+            extended: [[vk::FALSE; MAX_FEATURES]; EXTENSIONS.len()],
+        }
+    }
 }
 
 // SAFETY: the only pointers are the structures' `p_next`, which are null.
@@ -29,6 +42,15 @@ pub struct Feature {
 
 /// The feature of a name, in a field of [`Features`].
 macro_rules! named {
+    ($name:literal, extended[$extension:ident][$number:literal]) => {
+        $crate::vk::features::Feature {
+            name: $name,
+            get: |features| features.extended[$crate::vk::extension::$extension][$number],
+            set: |features| {
+                features.extended[$crate::vk::extension::$extension][$number] = ash::vk::TRUE;
+            },
+        }
+    };
     ($name:literal, $structure:ident . $field:ident) => {
         $crate::vk::features::Feature {
             name: $name,

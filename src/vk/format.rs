@@ -2,7 +2,7 @@
 
 use super::gpu::Shared;
 use crate::{
-    format::{Format, Numeric},
+    format::{Format, Numeric, Packing, VertexFormat},
     target::ClearColor,
 };
 use ash::vk::{self, FormatFeatureFlags};
@@ -56,6 +56,81 @@ pub(crate) fn vk_format(format: Format) -> vk::Format {
         Format::A1r5g5b5Unorm => F::A1R5G5B5_UNORM_PACK16,
         Format::D32Float => F::D32_SFLOAT,
     }
+}
+
+/// Vulkan's name of the format; `None` if it has none.
+pub(crate) fn vertex_format(format: VertexFormat) -> Option<vk::Format> {
+    type F = vk::Format;
+    use Numeric::*;
+    let by_count = match (format.packing, format.numeric) {
+        (Packing::Bits8, Unorm) => [F::R8_UNORM, F::R8G8_UNORM, F::R8G8B8_UNORM, F::R8G8B8A8_UNORM],
+        (Packing::Bits8, Snorm) => [F::R8_SNORM, F::R8G8_SNORM, F::R8G8B8_SNORM, F::R8G8B8A8_SNORM],
+        (Packing::Bits8, Uscaled) => {
+            [F::R8_USCALED, F::R8G8_USCALED, F::R8G8B8_USCALED, F::R8G8B8A8_USCALED]
+        }
+        (Packing::Bits8, Sscaled) => {
+            [F::R8_SSCALED, F::R8G8_SSCALED, F::R8G8B8_SSCALED, F::R8G8B8A8_SSCALED]
+        }
+        (Packing::Bits8, Uint) => [F::R8_UINT, F::R8G8_UINT, F::R8G8B8_UINT, F::R8G8B8A8_UINT],
+        (Packing::Bits8, Sint) => [F::R8_SINT, F::R8G8_SINT, F::R8G8B8_SINT, F::R8G8B8A8_SINT],
+        (Packing::Bits16, Unorm) => {
+            [F::R16_UNORM, F::R16G16_UNORM, F::R16G16B16_UNORM, F::R16G16B16A16_UNORM]
+        }
+        (Packing::Bits16, Snorm) => {
+            [F::R16_SNORM, F::R16G16_SNORM, F::R16G16B16_SNORM, F::R16G16B16A16_SNORM]
+        }
+        (Packing::Bits16, Uscaled) => {
+            [F::R16_USCALED, F::R16G16_USCALED, F::R16G16B16_USCALED, F::R16G16B16A16_USCALED]
+        }
+        (Packing::Bits16, Sscaled) => {
+            [F::R16_SSCALED, F::R16G16_SSCALED, F::R16G16B16_SSCALED, F::R16G16B16A16_SSCALED]
+        }
+        (Packing::Bits16, Uint) => {
+            [F::R16_UINT, F::R16G16_UINT, F::R16G16B16_UINT, F::R16G16B16A16_UINT]
+        }
+        (Packing::Bits16, Sint) => {
+            [F::R16_SINT, F::R16G16_SINT, F::R16G16B16_SINT, F::R16G16B16A16_SINT]
+        }
+        (Packing::Bits16, Float) => {
+            [F::R16_SFLOAT, F::R16G16_SFLOAT, F::R16G16B16_SFLOAT, F::R16G16B16A16_SFLOAT]
+        }
+        (Packing::Bits32, Uint) => {
+            [F::R32_UINT, F::R32G32_UINT, F::R32G32B32_UINT, F::R32G32B32A32_UINT]
+        }
+        (Packing::Bits32, Sint) => {
+            [F::R32_SINT, F::R32G32_SINT, F::R32G32B32_SINT, F::R32G32B32A32_SINT]
+        }
+        (Packing::Bits32, Float) => {
+            [F::R32_SFLOAT, F::R32G32_SFLOAT, F::R32G32B32_SFLOAT, F::R32G32B32A32_SFLOAT]
+        }
+        (packing, numeric) => {
+            return Some(match (packing, numeric) {
+                (Packing::Bgra8, Unorm) => F::B8G8R8A8_UNORM,
+                (Packing::Bgra8, Snorm) => F::B8G8R8A8_SNORM,
+                (Packing::Bgra8, Uscaled) => F::B8G8R8A8_USCALED,
+                (Packing::Bgra8, Sscaled) => F::B8G8R8A8_SSCALED,
+                (Packing::Bgra8, Uint) => F::B8G8R8A8_UINT,
+                (Packing::Bgra8, Sint) => F::B8G8R8A8_SINT,
+                (Packing::Rgb10a2, Unorm) => F::A2B10G10R10_UNORM_PACK32,
+                (Packing::Rgb10a2, Snorm) => F::A2B10G10R10_SNORM_PACK32,
+                (Packing::Rgb10a2, Uscaled) => F::A2B10G10R10_USCALED_PACK32,
+                (Packing::Rgb10a2, Sscaled) => F::A2B10G10R10_SSCALED_PACK32,
+                (Packing::Rgb10a2, Uint) => F::A2B10G10R10_UINT_PACK32,
+                (Packing::Rgb10a2, Sint) => F::A2B10G10R10_SINT_PACK32,
+                (Packing::Bgr10a2, Unorm) => F::A2R10G10B10_UNORM_PACK32,
+                (Packing::Bgr10a2, Snorm) => F::A2R10G10B10_SNORM_PACK32,
+                (Packing::Bgr10a2, Uscaled) => F::A2R10G10B10_USCALED_PACK32,
+                (Packing::Bgr10a2, Sscaled) => F::A2R10G10B10_SSCALED_PACK32,
+                (Packing::Bgr10a2, Uint) => F::A2R10G10B10_UINT_PACK32,
+                (Packing::Bgr10a2, Sint) => F::A2R10G10B10_SINT_PACK32,
+                (Packing::Rg11b10, Float) => F::B10G11R11_UFLOAT_PACK32,
+                (Packing::R5g6b5, Unorm) => F::R5G6B5_UNORM_PACK16,
+                (Packing::A1r5g5b5, Unorm) => F::A1R5G5B5_UNORM_PACK16,
+                _ => return None,
+            });
+        }
+    };
+    by_count.get(usize::from(format.count).wrapping_sub(1)).copied()
 }
 
 /// What the texels of an image of `format` are to commands.

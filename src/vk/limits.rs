@@ -1,6 +1,9 @@
 //! Limits of an opened device.
 
-use super::{device::DeviceInfo, requirements::Probe};
+use super::{
+    device::DeviceInfo,
+    requirements::{DEPTH_CLIP, DIVISORS, Probe},
+};
 use ash::vk;
 
 /// Limits of an opened device that callers plan by.
@@ -56,9 +59,15 @@ pub(crate) struct DrawLimits {
     pub independent_blend: bool,
     /// Whether a depth bias may have a clamp.
     pub clamps_depth_bias: bool,
+    /// Whether depths are clamped.
+    pub clamps_depth: bool,
     /// Whether it has logic operations, and the depth bounds test.
     pub logic_ops: bool,
     pub depth_bounds: bool,
+    /// The greatest divisor of a vertex binding; 1 if it takes no other, not even 0.
+    pub divisor: u32,
+    /// Whether clipping at the depth planes is a switch of its own.
+    pub clips_depth_apart: bool,
     /// Commands of one indirect draw, and whether a buffer may say how many there are.
     pub commands: u32,
     pub counts_commands: bool,
@@ -83,7 +92,14 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         independent_blend: probe.features.core.independent_blend == vk::TRUE,
         depth_bounds: probe.features.core.depth_bounds == vk::TRUE,
         logic_ops: probe.features.core.logic_op == vk::TRUE,
+        clamps_depth: probe.features.core.depth_clamp == vk::TRUE,
         clamps_depth_bias: probe.features.core.depth_bias_clamp == vk::TRUE,
+        divisor: match DIVISORS.iter().all(|feature| feature.is_on(&probe.features)) {
+            // What the extension promises; its own property is not read.
+            true => 65535,
+            false => 1,
+        },
+        clips_depth_apart: DEPTH_CLIP.is_on(&probe.features),
         commands: match probe.features.core.multi_draw_indirect == vk::TRUE
             && probe.features.core.draw_indirect_first_instance == vk::TRUE
         {

@@ -57,6 +57,7 @@ mod drivers;
 mod edit;
 mod enable;
 pub(crate) mod error;
+mod extension;
 mod features;
 mod format;
 mod gpu;
@@ -108,7 +109,7 @@ pub use table_sizes::TableSizes;
 
 pub(crate) use capability::missing_feature;
 pub(crate) use commands::{Commands, Unfinished};
-pub(crate) use format::{clear_color, vk_format};
+pub(crate) use format::{clear_color, vertex_format, vk_format};
 pub(crate) use image::Subresource;
 #[cfg(feature = "cli")]
 pub(crate) use inherited::stdout_was_closed;

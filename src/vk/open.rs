@@ -6,10 +6,11 @@ use super::{
     device::{self, DeviceInfo, DeviceKind, Require},
     enable,
     error::describe,
+    extension::{EXTENSIONS, Structure},
     gpu::{Gpu, Shared, TimestampUnit},
     instance::Instance,
     limits::{draw_limits, limits},
-    requirements::Probe,
+    requirements::{COMPUTE_DERIVATIVES, Probe},
     sampler::SamplerLimits,
     table,
     table_sizes::TableSizes,
@@ -21,6 +22,7 @@ use gpu_allocator::{
     vulkan::{Allocator, AllocatorCreateDesc},
 };
 use std::{
+    ffi::CStr,
     path::PathBuf,
     sync::{
         Arc, Mutex, RwLock,
@@ -204,7 +206,7 @@ impl Gpu {
             family,
             limits: limits(&probe, &info),
             graphics,
-            derivatives: probe.derivatives_extension().is_some(),
+            derivatives: COMPUTE_DERIVATIVES.is_on(&probe.features),
             int64: probe.features.core.shader_int64 == vk::TRUE,
             int64_atomics: probe.features.v12.shader_buffer_int64_atomics
                 & probe.features.core.shader_int64
@@ -270,18 +272,19 @@ fn create_device(
     features.v11.protected_memory = vk::FALSE;
     features.v12.buffer_device_address_capture_replay = vk::FALSE;
     features.v12.buffer_device_address_multi_device = vk::FALSE;
-    // ash knows the structure under its older name; the structure type is the same.
-    let mut derivatives = vk::PhysicalDeviceComputeShaderDerivativesFeaturesNV::default()
-        .compute_derivative_group_linear(true);
+    let mut structures = EXTENSIONS.each_ref().map(|extension| Structure::new(extension.kind));
     let mut extensions = Vec::new();
     let mut all = vk::PhysicalDeviceFeatures2::default()
         .features(features.core)
         .push_next(&mut features.v11)
         .push_next(&mut features.v12)
         .push_next(&mut features.v13);
-    if let Some(name) = probe.derivatives_extension() {
-        extensions.push(name.as_ptr());
-        all = all.push_next(&mut derivatives);
+    for number in probe.features.extended() {
+        let structure = &mut structures[number];
+        structure.booleans = probe.features.extended[number];
+        structure.next = all.p_next.cast();
+        all.p_next = (&raw mut *structure).cast();
+        extensions.extend(EXTENSIONS[number].offered(&probe.extensions).map(CStr::as_ptr));
     }
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)

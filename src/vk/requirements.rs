@@ -4,7 +4,10 @@
 //! extension. Everything on it is in Vulkan 1.3 and is offered by every desktop driver since 2022 and
 //! by both CPU drivers.
 
-use super::features::{Feature, Features, named};
+use super::{
+    extension::{EXTENSIONS, Structure},
+    features::{Feature, Features, named},
+};
 use ash::vk;
 
 /// The properties of a physical device, read before it is opened; plain copies, no chains.
@@ -28,6 +31,17 @@ pub(super) struct Probe {
 unsafe impl Send for Probe {}
 // SAFETY: as above.
 unsafe impl Sync for Probe {}
+
+/// Derivative instructions in compute.
+pub(super) const COMPUTE_DERIVATIVES: Feature =
+    named!("computeDerivativeGroupLinear", extended[DERIVATIVES][1]);
+/// Divisors of vertex bindings in the device's own pipeline.
+pub(super) const DIVISORS: [Feature; 2] = [
+    named!("vertexAttributeInstanceRateDivisor", extended[DIVISORS][0]),
+    named!("vertexAttributeInstanceRateZeroDivisor", extended[DIVISORS][1]),
+];
+/// Clipping at the depth planes as a switch of the device's own pipeline.
+pub(super) const DEPTH_CLIP: Feature = named!("depthClipEnable", extended[DEPTH_CLIP][0]);
 
 /// Something a device must offer.
 pub struct Requirement {
@@ -277,8 +291,20 @@ pub const OPTIONAL: &[Optional] = &[
     Optional {
         name: "VK_KHR_compute_shader_derivatives",
         why: "derivatives by the device's own rule; otherwise by quad operations",
-        features: &[],
-        check: |p| p.derivatives_extension().is_some(),
+        features: &[COMPUTE_DERIVATIVES],
+        check: |_| true,
+    },
+    Optional {
+        name: "VK_EXT_vertex_attribute_divisor",
+        why: "divisors in the classic executor; compute needs nothing for them",
+        features: &DIVISORS,
+        check: |_| true,
+    },
+    Optional {
+        name: "VK_EXT_depth_clip_enable",
+        why: "clipping at the depth planes in the classic executor; compute needs nothing for it",
+        features: &[DEPTH_CLIP],
+        check: |_| true,
     },
     Optional {
         name: "bufferDeviceAddress on lavapipe",
@@ -386,10 +412,7 @@ impl Probe {
                 properties = properties.push_next(&mut probe.vulkan13);
             }
             instance.get_physical_device_properties2(physical, &mut properties);
-            let mut derivatives = vk::PhysicalDeviceComputeShaderDerivativesFeaturesNV::default();
-            let derivatives_extension = DERIVATIVES_EXTENSIONS
-                .iter()
-                .any(|name| probe.extensions.iter().any(|e| e.as_bytes() == name.to_bytes()));
+            let mut structures = EXTENSIONS.each_ref().map(|e| Structure::new(e.kind));
             let mut features = vk::PhysicalDeviceFeatures2::default();
             if has12 {
                 features =
@@ -398,11 +421,14 @@ impl Probe {
             if has13 {
                 features = features.push_next(&mut probe.features.v13);
             }
-            if derivatives_extension {
-                features = features.push_next(&mut derivatives);
+            for (structure, extension) in structures.iter_mut().zip(&EXTENSIONS) {
+                if extension.offered(&probe.extensions).is_some() {
+                    structure.next = features.p_next.cast();
+                    features.p_next = (&raw mut *structure).cast();
+                }
             }
             instance.get_physical_device_features2(physical, &mut features);
-            probe.features.derivatives = derivatives.compute_derivative_group_linear == vk::TRUE;
+            probe.features.extended = structures.map(|structure| structure.booleans);
         }
         // The structures are chained again at device creation: a stale link there never ends.
         probe.vulkan11.p_next = std::ptr::null_mut();
@@ -438,20 +464,7 @@ impl Probe {
             |q: &vk::QueueFamilyProperties| q.queue_count > 0 && q.queue_flags.contains(both);
         self.queues.iter().position(fits).map(|i| i as u32)
     }
-
-    /// The extension that brings derivatives to compute, under the name this driver knows.
-    pub fn derivatives_extension(&self) -> Option<&'static std::ffi::CStr> {
-        DERIVATIVES_EXTENSIONS
-            .iter()
-            .find(|name| self.extensions.iter().any(|e| e.as_bytes() == name.to_bytes()))
-            .copied()
-            .filter(|_| self.features.derivatives)
-    }
 }
-
-/// The extension and the older one it was made from: same structure, same capability.
-pub(super) const DERIVATIVES_EXTENSIONS: [&std::ffi::CStr; 2] =
-    [c"VK_KHR_compute_shader_derivatives", c"VK_NV_compute_shader_derivatives"];
 
 #[cfg(test)]
 mod tests {

@@ -20,7 +20,7 @@ fn color_steps(format: Format) -> Vec<&'static [&'static str]> {
         Format::Rgba16Float,
     ]
     .contains(&format);
-    let common = is_common.then_some(&ANY_COLOR[..1]);
+    let common = is_common.then_some(&ANY_COLOR[..2]);
     common.into_iter().chain([&ANY_COLOR[..]]).collect()
 }
 
@@ -28,7 +28,7 @@ fn color_steps(format: Format) -> Vec<&'static [&'static str]> {
 fn srgb_is_what_the_standard_says() {
     on_each_gpu("sRGB", |gpu| {
         let mut random = Random::new(5);
-        let includes = ["lib/color.glsl"];
+        let includes = ["lib/small_float.glsl", "lib/color.glsl"];
         let lights: Vec<[f32; 4]> = (0..CASES)
             .map(|i| match i {
                 0 => [0.0; 4],
@@ -206,7 +206,7 @@ fn transparent_fragments_leave_texels_alone() {
                 r.x = color_encode(FORMAT_RGBA8_UNORM, floatBitsToUint(unorm)).x;
                 r.y = color_encode(FORMAT_RGBA8_SRGB, floatBitsToUint(srgb)).x;
             }";
-        let steps = ["lib/color.glsl", "lib/blend.glsl"];
+        let steps = ["lib/small_float.glsl", "lib/color.glsl", "lib/blend.glsl"];
         let outputs: Vec<[u32; 4]> = probe(gpu, &steps, body, &inputs);
         let mut kept = 0;
         for ([texel, equations, ..], [unorm, srgb, keeps, _]) in inputs.iter().zip(outputs) {

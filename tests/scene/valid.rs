@@ -49,7 +49,7 @@ fn check_vertices(pipeline: &Pipeline, draw: &Draw, i: usize) {
         let range = &draw.vertex_buffers[attribute.binding as usize];
         let elements = match binding.rate {
             StepRate::Vertex => vertices,
-            StepRate::Instance => draw.instances as usize,
+            StepRate::Instance | StepRate::Instances(_) => draw.instances as usize,
         };
         let last = elements.saturating_sub(1) * binding.stride as usize;
         let end = last + attribute.offset as usize + attribute.format.bytes();
@@ -59,7 +59,7 @@ fn check_vertices(pipeline: &Pipeline, draw: &Draw, i: usize) {
             "draw {i} reads {end} bytes of {} for location {location}",
             range.bytes
         );
-        let alignment = attribute.format.component.bytes();
+        let alignment = attribute.format.alignment();
         assert_eq!((range.offset + attribute.offset as usize) % alignment, 0);
         assert_eq!(binding.stride as usize % alignment, 0);
     }

@@ -4,7 +4,7 @@ use super::{Fault, STRIDE_BYTES};
 use crate::{
     abi,
     error::{Error, Result},
-    format::{Component, Format},
+    format::Format,
     pass::Pipeline,
     shader::{Resource, Scalar, Shader, Stage},
 };
@@ -91,6 +91,10 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     for binding in &pipeline.vertex_bindings {
         if binding.stride > STRIDE_BYTES {
             return Err(format!("a stride of {} bytes; at most {STRIDE_BYTES}", binding.stride));
+        }
+        let divisor = binding.rate.divisor().unwrap_or(0);
+        if divisor > abi::MAX_DIVISOR {
+            return Err(format!("a divisor of {divisor} instances; at most {}", abi::MAX_DIVISOR));
         }
     }
     check_specialization(pipeline)?;
@@ -187,7 +191,10 @@ fn check_attributes(pipeline: &Pipeline) -> Fault {
             let bindings = pipeline.vertex_bindings.len();
             return Err(format!("{place} is in binding {} of {bindings}", attribute.binding));
         };
-        let align = format.component.bytes() as u32;
+        if !format.exists() {
+            return Err(format!("{place} is {format:?}; Vulkan has no such format"));
+        }
+        let align = format.alignment() as u32;
         if attribute.offset >= STRIDE_BYTES {
             return Err(format!("{place} starts at byte {}", attribute.offset));
         }
@@ -207,26 +214,18 @@ fn check_attributes(pipeline: &Pipeline) -> Fault {
                 input.location
             ));
         };
-        let component = attribute.format.component;
-        if scalar(component) != input.scalar {
+        let numeric = attribute.format.numeric;
+        if Scalar::of_numeric(numeric) != input.scalar {
             return Err(format!(
-                "vertex attribute {} is {} in `{}` and {} in memory ({component:?})",
+                "vertex attribute {} is {} in `{}` and {} in memory ({numeric:?})",
                 input.location,
                 input.scalar,
                 pipeline.vertex.label,
-                scalar(component)
+                Scalar::of_numeric(numeric)
             ));
         }
     }
     Ok(())
-}
-
-fn scalar(component: Component) -> Scalar {
-    match component {
-        Component::U8 | Component::U16 | Component::U32 => Scalar::Uint,
-        Component::I8 | Component::I16 | Component::I32 => Scalar::Int,
-        _ => Scalar::Float,
-    }
 }
 
 /// Checks that the vertex shader writes every input of the fragment shader.

@@ -9,7 +9,7 @@ use super::super::{
     uri,
 };
 use crate::{
-    format::{Component, VertexFormat},
+    format::{Numeric, Packing, VertexFormat},
     pass::IndexFormat,
 };
 use glam::{DMat4, Mat4, Vec2, Vec3, Vec4};
@@ -260,23 +260,23 @@ impl<'a> Data<'a> {
     /// is one that every device reads.
     pub fn stream(&mut self, index: usize, store: &mut Store) -> Checks<Option<Stream>> {
         let accessor = self.accessor(index)?;
-        let component = match (accessor.component, accessor.normalized) {
-            (ComponentType::F32, _) => Component::F32,
+        let (numeric, packing) = match (accessor.component, accessor.normalized) {
+            (ComponentType::F32, _) => (Numeric::Float, Packing::Bits32),
             // Three small components are optional in Vulkan; integers that are not normalized
             // would reach the shader as integers.
             _ if accessor.components == 3 => return Ok(None),
-            (ComponentType::U8, true) => Component::U8Norm,
-            (ComponentType::I8, true) => Component::I8Norm,
-            (ComponentType::U16, true) => Component::U16Norm,
-            (ComponentType::I16, true) => Component::I16Norm,
+            (ComponentType::U8, true) => (Numeric::Unorm, Packing::Bits8),
+            (ComponentType::I8, true) => (Numeric::Snorm, Packing::Bits8),
+            (ComponentType::U16, true) => (Numeric::Unorm, Packing::Bits16),
+            (ComponentType::I16, true) => (Numeric::Snorm, Packing::Bits16),
             _ => return Ok(None),
         };
         let (Some((view, offset)), None) = (accessor.view, &accessor.sparse) else {
             return Ok(None);
         };
-        let format = VertexFormat { component, count: accessor.components as u8 };
+        let format = VertexFormat::new(numeric, packing, accessor.components as u8);
         let (stride, count) = (accessor.stride, accessor.count);
-        let aligned = (offset | stride).is_multiple_of(component.bytes());
+        let aligned = (offset | stride).is_multiple_of(format.alignment());
         if !aligned || accessor.components > 4 {
             return Ok(None);
         }
