@@ -40,6 +40,7 @@ struct Narrow {
     uint pixels;
     uint first;
     uint texel_bytes;
+    uint depth_bits;
     uint to_rows;
 };
 

@@ -7,6 +7,7 @@
 #extension GL_EXT_nonuniform_qualifier : require
 #include "abi.glsl"
 layout(constant_id = SPEC_ADJUSTED) const bool ADJUSTED = false;
+layout(constant_id = SPEC_DEPTH_BITS) const uint DEPTH_BITS = 0u;
 #include "lib/depth.glsl"
 #include "lib/interpolate.glsl"
 #include "lib/key.glsl"

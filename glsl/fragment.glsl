@@ -124,7 +124,9 @@ void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     linear = depth_w != 0.0 ? perspective * triangle.w / depth_w : vec3(1.0, 0.0, 0.0);
 
     surface_depth = depth_at(triangle.plane, triangle.adjustment, pixel);
-    float z = ADJUSTED ? free_depth_at(triangle.plane, triangle.adjustment, pixel) : surface_depth;
+    float z = surface_depth, free = free_depth_at(triangle.plane, triangle.adjustment, pixel);
+    if (DEPTH_BITS != 0u) z = kept_depth(free);
+    if (ADJUSTED && (triangle.flags & TRIANGLE_ADJUSTED) != 0u) z = free;
     tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? triangle.scale / depth_w : 0.0);
     tw_FragDepth = z;
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;

@@ -154,7 +154,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
             shade(triangle, origin + p, !alive);
             uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
             bool keep = alive && !tw_HelperInvocation;
-            float late = kept_depth(ADJUSTED ? limited_depth(tw_FragDepth, adjustment) : tw_FragDepth);
+            float late = stored_depth(ADJUSTED ? limited_depth(tw_FragDepth, adjustment) : tw_FragDepth);
             if (keep && test && DEPTH == DEPTH_LATE) keep = passes(depth_state, late, depth[at], bounds);
             if (keep) {
                 float z = DEPTH == DEPTH_LATE ? late : surface_depth;

@@ -16,6 +16,7 @@
 #include "pieces.glsl"
 #include "lib/cells.glsl"
 const bool ADJUSTED = true;
+const uint DEPTH_BITS = 0u;
 #include "lib/depth.glsl"
 #include "lib/window.glsl"
 

@@ -25,6 +25,7 @@ layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 layout(constant_id = SPEC_COMPARE) const uint COMPARE = COMPARE_LESS;
 layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
 layout(constant_id = SPEC_ADJUSTED) const bool ADJUSTED = false;
+layout(constant_id = SPEC_DEPTH_BITS) const uint DEPTH_BITS = 0u;
 
 #include "bin.glsl"
 #include "lib/cells.glsl"

@@ -76,6 +76,8 @@ shared_constants! {
     pub const SPEC_IN_PLACE: u32 = 6;
     /// Specialization constant: whether the depths of the batch's triangles may be adjusted: by a bias, or by limits of their own.
     pub const SPEC_ADJUSTED: u32 = 8;
+    /// Specialization constant: the bits of a depth in the depth target, 0 if it holds floats.
+    pub const SPEC_DEPTH_BITS: u32 = 9;
     /// Specialization constant: the formats of the first four colour targets, a byte each, [`NO_FORMAT`] where there is no
     /// target.
     pub const SPEC_FORMATS: u32 = 2;
@@ -87,8 +89,8 @@ shared_constants! {
     /// vertex shader at other locations are not stored.
     pub const SPEC_READ: u32 = 7;
     /// First of [`MAX_ATTRIBUTES`] specialization constants: the format of each vertex attribute, 0 where
-    /// there is none: its `Numeric`, its `Packing` and the number of components from the bits `ATTRIBUTE_*_SHIFT` on, and
-    /// [`ATTRIBUTE_PER_INSTANCE`].
+    /// there is none: its `Numeric`, its `Packing` and the number of components from the bits `ATTRIBUTE_*_SHIFT` on,
+    /// [`ATTRIBUTE_PER_INSTANCE`] and [`ATTRIBUTE_DIVIDED`].
     pub const SPEC_ATTRIBUTE: u32 = 128;
     /// Attribute format: first of four bits of the packing; the numeric kind comes before.
     pub const ATTRIBUTE_PACKING_SHIFT: u32 = 4;
@@ -249,7 +251,7 @@ pub struct Clear {
     pub first: u32,
 }
 
-/// The push constants of the kernel that narrows texels.
+/// The push constants of the kernel that brings texels to rows and back.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Narrow {
@@ -257,8 +259,10 @@ pub struct Narrow {
     pub pixels: u32,
     /// The word of the rows that is the target's first.
     pub first: u32,
-    /// Bytes of a texel, 1 or 2.
+    /// Bytes of a texel, 1, 2 or 4.
     pub texel_bytes: u32,
+    /// Bits of a depth, whose rows hold floats; 0 of texels whose bits the rows hold.
+    pub depth_bits: u32,
     /// 1 from an image's texels to the rows, 0 from the rows.
     pub to_rows: u32,
 }

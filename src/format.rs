@@ -29,6 +29,7 @@ shared_enum! {
 shared_enum! {
     /// Where the channels of a texel lie.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
     pub enum Packing {
         /// One after the other, 8 bits each.
         Bits8 = 0,
@@ -48,6 +49,8 @@ shared_enum! {
         A1r5g5b5 = 7,
         /// As [`Packing::Rgb10a2`] with blue first. Only vertices have it.
         Bgr10a2 = 8,
+        /// 24 bits, the lowest of a word. Only depths have it.
+        Low24 = 11,
     }
 }
 
@@ -65,7 +68,8 @@ impl Packing {
             Packing::Bits16 => 2 * channels,
             Packing::Bits32 => 4 * channels,
             Packing::R5g6b5 | Packing::A1r5g5b5 => 2,
-            Packing::Bgra8 | Packing::Rgb10a2 | Packing::Bgr10a2 | Packing::Rg11b10 => 4,
+            Packing::Bgra8 | Packing::Rgb10a2 | Packing::Bgr10a2 => 4,
+            Packing::Rg11b10 | Packing::Low24 => 4,
         }
     }
 }
@@ -95,8 +99,10 @@ macro_rules! formats {
 
 /// The number of a format, which `glsl/lib/color.glsl` takes apart.
 const fn number(numeric: Numeric, packing: Packing, channels: u32) -> u32 {
-    assert!((numeric as u32) < 8 && (packing as u32) < 8, "three bits each");
-    numeric as u32 | (packing as u32) << 3 | (channels - 1) << 6
+    assert!((numeric as u32) < 8, "three bits");
+    // No kernel takes the number of a depth format apart, and those differ in three bits of the packing too.
+    assert!((packing as u32) < 8 || matches!(numeric, Numeric::Depth), "three bits");
+    numeric as u32 | (packing as u32 & 7) << 3 | (channels - 1) << 6
 }
 
 formats! {
@@ -195,6 +201,10 @@ formats! {
         A1r5g5b5Unorm = Unorm A1r5g5b5 4,
         /// One 32-bit float of depth in 0..=1.
         D32Float = Depth Bits32 1,
+        /// One 16-bit unsigned normalized depth.
+        D16Unorm = Depth Bits16 1,
+        /// One 24-bit unsigned normalized depth in the lowest bits of a word. The other bits may hold anything.
+        X8D24Unorm = Depth Low24 1,
     }
 }
 
@@ -229,6 +239,15 @@ impl Format {
         matches!(self.numeric(), Numeric::Depth)
     }
 
+    /// Bits of a depth that is a number, 0 of one that is a float.
+    pub(crate) const fn depth_bits(self) -> u32 {
+        match self {
+            Format::D16Unorm => 16,
+            Format::X8D24Unorm => 24,
+            _ => 0,
+        }
+    }
+
     /// Whether it holds integers that stand for themselves. They are neither filtered nor blended.
     pub const fn is_integer(self) -> bool {
         matches!(self.numeric(), Numeric::Uint | Numeric::Sint)
@@ -238,7 +257,7 @@ impl Format {
 /// The format of one vertex attribute in memory. The shader sees the usual Vulkan conversion: missing components become 0, a
 /// missing fourth becomes 1.
 ///
-/// Every [`Format`] of colours is one too: `VertexFormat::from(Format::Rgb10a2Unorm)`.
+/// Every [`Format`] of colours that is not sRGB-encoded is one too: `VertexFormat::from(Format::Rgb10a2Unorm)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct VertexFormat {
     /// What the bits of a component mean.
@@ -284,7 +303,7 @@ impl VertexFormat {
         }
     }
 
-    /// Whether Vulkan has such a format.
+    /// Whether vertices can have it: what Vulkan has of these packings but the sRGB-encoded ones.
     pub(crate) const fn exists(self) -> bool {
         use Numeric::*;
         let channels = match self.packing {
@@ -297,6 +316,7 @@ impl VertexFormat {
             Packing::Bits32 => matches!(self.numeric, Uint | Sint | Float),
             Packing::Rg11b10 => matches!(self.numeric, Float),
             Packing::R5g6b5 | Packing::A1r5g5b5 => matches!(self.numeric, Unorm),
+            Packing::Low24 => false,
             _ => !matches!(self.numeric, Srgb | Depth | Float),
         };
         *channels.start() <= self.count && self.count <= *channels.end() && numeric

@@ -90,10 +90,16 @@ impl Picture {
             .map(|texel| texel::decode(self.format, texel))
     }
 
-    /// All pixels as floats, for [`Format::D32Float`]; native byte order as the device wrote it.
+    /// The depth of all pixels, in 0..=1.
+    ///
+    /// # Panics
+    /// If the picture has a format of colours.
     pub fn depths(&self) -> Vec<f32> {
-        assert_eq!(self.format, Format::D32Float, "only a depth image holds depths");
-        bytemuck::pod_collect_to_vec(&self.bytes)
+        assert!(self.format.is_depth(), "only a depth image holds depths");
+        match self.format {
+            Format::D32Float => bytemuck::pod_collect_to_vec(&self.bytes),
+            _ => self.values().map(|[depth, ..]| depth).collect(),
+        }
     }
 
     /// The picture as a screen shows it: four bytes a pixel, RGB as sRGB, alpha linear. Channels that the format lacks are 0, a

@@ -32,6 +32,7 @@ mod written;
 pub use buffer::{BufferRange, BufferSource};
 pub use indices::IndexRanges;
 pub(crate) use validate::{Known, check_color_targets, check_outputs};
+pub(crate) use vertex::instance_alone;
 pub use vertex::{StepRate, VertexAttribute, VertexBinding};
 
 /// A shader pair and its fixed-function state.
@@ -104,9 +105,14 @@ impl Pipeline {
         self.depth_clip.unwrap_or(!self.depth_clamp)
     }
 
-    /// Whether depths of fragments of `draw` are more than what the plane of their triangle says, within 0..=1.
+    /// Whether depths of all fragments get limits of their own, or may lie beyond the near and the far plane.
+    pub(crate) fn adjusts_depths(&self) -> bool {
+        self.depth_clamp || !self.clips_depth()
+    }
+
+    /// Whether depths of the fragments of `draw` get a bias or limits of their own.
     pub(crate) fn adjusts_depth(&self, draw: &Draw) -> bool {
-        draw.depth_bias.is_some() || self.depth_clamp || !self.clips_depth()
+        draw.depth_bias.is_some() || self.adjusts_depths()
     }
 
     /// How fragments change the colour target with this number.

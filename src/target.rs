@@ -150,7 +150,7 @@ impl ColorTarget {
     }
 }
 
-/// A depth target ([`Format::D32Float`]).
+/// A depth target.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct DepthTarget {
@@ -160,6 +160,9 @@ pub struct DepthTarget {
     pub level: u32,
     /// As [`ColorTarget::layer`].
     pub layer: u32,
+    /// [`Format::D32Float`], [`Format::D16Unorm`] or [`Format::X8D24Unorm`]; that of the image, if there is one. Depths are
+    /// tested as the target keeps them.
+    pub format: Format,
     /// What it begins with: depths in 0..=1.
     pub load: LoadOp<f32>,
     /// What is kept.
@@ -167,10 +170,10 @@ pub struct DepthTarget {
 }
 
 impl DepthTarget {
-    /// A target that each executor makes, cleared to `depth`.
+    /// A target of [`Format::D32Float`] that each executor makes, cleared to `depth`.
     pub fn cleared(depth: f32) -> Self {
         let (load, store) = (LoadOp::Clear(depth), StoreOp::Store);
-        Self { image: None, level: 0, layer: 0, load, store }
+        Self { image: None, level: 0, layer: 0, format: Format::D32Float, load, store }
     }
 
     /// As [`DepthTarget::cleared`], for depth that nobody needs after the pass.
@@ -180,10 +183,12 @@ impl DepthTarget {
 
     /// As [`ColorTarget::on_device`].
     pub fn on_device(image: &vk::Image, load: LoadOp<f32>) -> Self {
-        Self { image: Some(image.clone()), level: 0, layer: 0, load, store: StoreOp::Store }
+        let (image, format) = (Some(image.clone()), image.format());
+        Self { image, level: 0, layer: 0, format, load, store: StoreOp::Store }
     }
 
     setters! {
+        format: Format,
         level: u32,
         layer: u32,
         store: StoreOp,
@@ -263,7 +268,12 @@ impl DepthTarget {
             LoadOp::Clear(_) | LoadOp::Load | LoadOp::Picture(_) => {}
         }
         let place = (self.image.as_ref(), self.subresource());
-        check(place, &self.load, Format::D32Float, extent)?;
+        if !self.format.is_depth() {
+            let of = |image: &vk::Image| format!("image `{}` is ", image.name());
+            let of = self.image.as_ref().map(of).unwrap_or_default();
+            return Err(format!("{of}{:?}, which is no format of a depth target", self.format));
+        }
+        check(place, &self.load, self.format, extent)?;
         if let LoadOp::Picture(picture) = &self.load
             && let Some(depth) = picture.depths().iter().find(|depth| !inside(depth))
         {

@@ -13,7 +13,7 @@ use tilewright::{
     image::Extent,
     pass::{BufferRange, Draw, Executor, Pass, Pipeline, VertexAttribute, VertexBinding},
     shader::{Shader, Stage},
-    state::{Blend, Compare, DepthBias, DepthState, Viewport},
+    state::{Blend, Compare, DepthBias, DepthState, Rect, Viewport},
     target::{ColorTarget, DepthTarget},
 };
 
@@ -83,9 +83,10 @@ fn what_is_clipped_is_not_there_and_what_is_clamped_ends_at_the_limits() {
         for (name, draw) in &mut executors {
             for [near, far] in [[0.0, 1.0], [0.25, 0.75], [0.75, 0.25]] {
                 for (clamp, clip) in [(false, None), (true, None), (true, Some(true))] {
-                    let always = DepthState::new(Compare::Always);
+                    // Opaque work: nothing is farther than what the target is cleared to.
+                    let nearer = DepthState::new(Compare::LessOrEqual);
                     let pipeline =
-                        pipeline(FRAGMENT).depth(always).depth_clamp(clamp).depth_clip(clip);
+                        pipeline(FRAGMENT).depth(nearer).depth_clamp(clamp).depth_clip(clip);
                     let frame = draw(&pass(pipeline, &square(-0.5, 1.5), [near, far]));
                     for (x, [depth, seen]) in row(&frame).into_iter().enumerate() {
                         let along = (x as f32 + 0.5) / 32.0 - 0.5;
@@ -108,7 +109,7 @@ fn what_is_clipped_is_not_there_and_what_is_clamped_ends_at_the_limits() {
     });
 }
 
-/// The depth that a shader writes is clamped too, and so is a biased one, in opaque and in ordered work.
+/// The depth that a shader writes is clamped too, and so is a biased one.
 #[test]
 fn depths_of_shaders_and_biased_ones_are_clamped() {
     on_each_gpu("depths of shaders and biased ones are clamped", |gpu| {
@@ -146,7 +147,7 @@ fn depths_of_shaders_and_biased_ones_are_clamped() {
 /// corners as each side likes. 1.3e-5 was measured.
 const DEPTH_MAX: f32 = 3e-5;
 
-/// Triangles that reach beyond the near and the far plane, at all distances from the eye.
+/// Triangles that reach beyond the near and the far plane.
 #[test]
 fn the_picture_is_the_devices_own() {
     let gpu = gpu();
@@ -163,10 +164,11 @@ fn the_picture_is_the_devices_own() {
             .collect();
         let compare = [Compare::Less, Compare::LessOrEqual][random.below(2)];
         let clip = [None, Some(false), Some(true)][random.below(3)];
+        let clamp = clip != Some(false) || random.below(2) == 0;
         let depths = [[0.0, 1.0], [0.2, 0.9], [0.9, 0.2]][random.below(3)];
         let pipeline = pipeline(FRAGMENT)
             .depth(DepthState::new(compare))
-            .depth_clamp(true)
+            .depth_clamp(clamp)
             .depth_clip(clip)
             .blend((random.below(4) == 0).then_some(Blend::ALPHA));
         let mut pass = pass(pipeline, &corners, depths);
@@ -176,4 +178,39 @@ fn the_picture_is_the_devices_own() {
         let limits = Limits { depth_max: DEPTH_MAX, ..remains::limits(&gpu, &found, 0) };
         assert!(limits.allow(&found), "seed {seed}, {clip:?}: {found:?} against {limits:?}");
     }
+}
+
+/// Depths may be as far out as floats reach: they end at the limits.
+#[test]
+fn depths_far_beyond_the_planes_end_at_the_limits() {
+    on_each_gpu("depths far beyond the planes end at the limits", |gpu| {
+        let mut compute = compute::Renderer::new(gpu).unwrap();
+        for far in [1e6, 1e21, 1e30, 3e37] {
+            let always = DepthState::new(Compare::Always);
+            let pipeline = pipeline(FRAGMENT).depth(always).depth_clamp(true);
+            let frame = compute.render(&pass(pipeline, &square(0.5, far), [0.0, 1.0])).unwrap();
+            for (x, [depth, _]) in row(&frame).into_iter().enumerate() {
+                assert_eq!(depth, 1.0, "{far}, {x}");
+            }
+        }
+    });
+}
+
+/// What a shader sees of a depth does not depend on other draws.
+#[test]
+fn a_draw_beside_another_sees_the_same_depth() {
+    on_each_gpu("a draw beside another sees the same depth", |gpu| {
+        let mut compute = compute::Renderer::new(gpu).unwrap();
+        // A depth that rounding leaves a little below 0 at the left.
+        let corners = square(0.0, 1.0).map(|[x, y, z, w]| [x * 3.0, y * 3.0, z * 3.0, w * 3.0]);
+        let one =
+            pass(pipeline(FRAGMENT).depth(DepthState::new(Compare::Less)), &corners, [0.0, 1.0]);
+        let mut two = one.clone();
+        // It is drawn outside the scissor.
+        let mut other = two.draws[0].clone().depth_bias(DepthBias::new(1.0, 1.0));
+        other.scissor = Some(Rect { x: 63, y: 63, width: 1, height: 1 });
+        two.draws.push(other);
+        let [one, two] = [one, two].map(|pass| row(&compute.render(&pass).unwrap()));
+        assert_eq!(one, two);
+    });
 }

@@ -46,7 +46,8 @@ fn probe_as_if<I: Pod, O: Pod>(
 #extension GL_EXT_control_flow_attributes : require
 {}{}const uint SUBGROUP_WIDTH = {width}u;
 const bool GREATER = false;
-const bool ADJUSTED = true;\n",
+const bool ADJUSTED = true;
+const uint DEPTH_BITS = 0u;\n",
         constants::defines(),
         any.unwrap_or_default()
     );

@@ -11,6 +11,7 @@ mod common;
 mod compile;
 mod depth_bias;
 mod depth_clamp;
+mod depth_formats;
 mod devices;
 mod examples;
 mod extremes;

@@ -356,7 +356,7 @@ void main() { color = texture(image, vec2(0)); }";
     refused(&["`color`", "Rgba8Unorm", "Rgba8Srgb"], &|p| {
         p.colors[0].format = Format::Rgba8Srgb;
     });
-    refused(&["`color`", "D32Float"], &|p| {
+    refused(&["`color`", "Rgba8Unorm", "no format of a depth target"], &|p| {
         p.depth = Some(DepthTarget::on_device(&color, LoadOp::Load));
     });
     refused(&["D32Float", "no format of a colour"], &|p| {

@@ -18,7 +18,7 @@ use tilewright::{
     scene::{PassOptions, Scene},
     shader::{Shader, Stage},
     state::{Blend, Compare, Cull, DepthBias, DepthState, FrontFace, Rect, Topology, Viewport},
-    target::{ColorTarget, DepthTarget},
+    target::{ColorTarget, DepthTarget, LoadOp},
     trace::{Trace, Vertex},
     vk::{Gpu, GpuOptions},
 };
@@ -105,10 +105,16 @@ fn pipeline(random: &mut Random, vertex: &Arc<Shader>, fragment: &Arc<Shader>) -
         .blend((random.below(4) == 0).then_some(Blend::ALPHA))
 }
 
-/// `pass` with draws that are bounded by the depths that are there, that are clamped to the depths of their viewport, or not
-/// clipped at them.
+/// `pass` with a depth target of any format, and with draws that are bounded by the depths that are there, that are clamped to the
+/// depths of their viewport, or not clipped at them.
 pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
     let mut random = Random::new(seed ^ 0x626f_756e_6473);
+    if let Some(depth) = &mut pass.depth {
+        // What a pass begins with has the format too.
+        let is_cleared = matches!(depth.load, LoadOp::Clear(_)) && depth.image.is_none();
+        let formats = [Format::D32Float, Format::D16Unorm, Format::X8D24Unorm];
+        depth.format = formats[if is_cleared { random.below(3) } else { 0 }];
+    }
     for (draw, pipeline) in pass.draws.iter_mut().zip(&mut pass.pipelines) {
         if random.below(6) == 0 {
             let depths = [(); 2].map(|()| [0.0, 0.5, 1.0, random.unit()][random.below(4)]);

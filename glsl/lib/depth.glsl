@@ -3,9 +3,11 @@
 // But devices start at (0, 0), and where two surfaces coincide, the winner depends on it: with the other
 // plane, thousands of pixels in some rooms differ from the device's own pipeline.
 // The file that includes this one defines ADJUSTED: whether triangles may have an adjustment, which is a bias and the least and
-// the greatest depth. The bias is added at each pixel, as devices do: the plane has lost the last bits of small depths.
+// the greatest depth. The bias is added at each pixel, as devices do: the plane has lost the last bits of small depths. The file
+// also defines DEPTH_BITS: the bits of a depth in the target, 16 or 24, or 0 if the target holds floats.
 #ifndef DEPTH_GLSL
 #define DEPTH_GLSL
+#include "lib/depth_format.glsl"
 #include "lib/exact.glsl"
 
 // A gradient that is too small to change any depth becomes zero, so that no product is a denormal.
@@ -31,14 +33,18 @@ vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c) {
 
 // What is added to the depths of a triangle (Vulkan 1.3, "Depth Bias"), from the constant factor, the slope factor and
 // the clamp: `gradient` is the change of depth per pixel, `exponent` that of the largest depth of the corners, as its bits
-// are. The least step of depth is a unit in the last place of that depth; it is no denormal. A bias of 2^60 moves every depth
+// are. The least step of depth is that of the target or, of floats, a unit in the last place of the largest depth; it is no
+// denormal. A bias of 2^60 moves every depth
 // out of its limits, as a larger one would.
 float bias_of(const vec3 bias, const vec2 gradient, const uint exponent) {
     float step = uintBitsToFloat((max(exponent, 24u) - 23u) << 23);
-    float sum = step * bias.x + max(abs(gradient.x), abs(gradient.y)) * bias.y;
+    if (DEPTH_BITS == 16u) step = 1.0 / 65535.0;
+    if (DEPTH_BITS == 24u) step = 1.0 / 16777215.0;
+    const float most = 1152921504606846976.0;
+    float sum = clamp(step * bias.x, -most, most) + clamp(max(abs(gradient.x), abs(gradient.y)) * bias.y, -most, most);
     if (bias.z > 0.0) sum = min(sum, bias.z);
     if (bias.z < 0.0) sum = max(sum, bias.z);
-    return clamp(sum, -1152921504606846976.0, 1152921504606846976.0);
+    return clamp(sum, -most, most);
 }
 
 // What is done to the depths of a triangle that is not adjusted.
@@ -49,10 +55,16 @@ float limited_depth(const float d, const vec3 adjustment) {
     return d > adjustment.y ? (d < adjustment.z ? d : adjustment.z) : adjustment.y;
 }
 
-// The depth that the target keeps for the depth `d`. It never falls while `d` grows.
+// The depth that a target of floats keeps for the depth `d`. It never falls while `d` grows.
 float kept_depth(const float d) {
     // Written so that every device picks +0 for anything not above zero.
     return d > 0.0 ? (d < 1.0 ? d : 1.0) : 0.0;
+}
+
+// The depth that the target keeps.
+float stored_depth(const float d) {
+    float kept = kept_depth(d);
+    return DEPTH_BITS == 0u ? kept : number_depth(depth_number(kept, DEPTH_BITS), DEPTH_BITS);
 }
 
 // Depth at the pixel in two steps: the first serves a whole column of pixels.
@@ -63,7 +75,7 @@ float depth_of_column(const float z, const float dzdx, const int x) {
 // As the target keeps it.
 float depth_in_column(const float column, const float dzdy, const vec3 adjustment, const int y) {
     float d = multiply_add(dzdy, float(y), column);
-    return kept_depth(ADJUSTED ? limited_depth(d + adjustment.x, adjustment) : d);
+    return stored_depth(ADJUSTED ? limited_depth(d + adjustment.x, adjustment) : d);
 }
 
 float depth_at(const vec3 plane, const vec3 adjustment, const ivec2 pixel) {
@@ -91,6 +103,6 @@ vec2 depth_range(const vec3 plane, const vec3 adjustment, const ivec2 origin, co
         low = limited_depth(low, adjustment);
         high = limited_depth(high, adjustment);
     }
-    return vec2(kept_depth(low), kept_depth(high));
+    return vec2(stored_depth(low), stored_depth(high));
 }
 #endif

@@ -34,7 +34,10 @@ uint outcode(const vec4 p) {
 // exceeds the bound only by rounding, or if the viewport is larger than any target.
 vec3 window_position(const Viewport viewport, const vec4 p, const bool made) {
     float inverse = exact_divide(1.0, p.w);
-    vec3 ndc = p.xyz * inverse, scale = viewport.scale, offset = viewport.offset;
+    vec3 ndc = p.xyz * inverse;
+    // Without clipping, a depth may be anything. Far beyond 1 it makes no difference.
+    ndc.z = clamp(ndc.z, -1099511627776.0, 1099511627776.0);
+    vec3 scale = viewport.scale, offset = viewport.offset;
     vec3 window = ndc * scale + offset;
     if (!made) {
         window = vec3(multiply_add(ndc.x, scale.x, offset.x), multiply_add(ndc.y, scale.y, offset.y),

@@ -21,6 +21,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("lib/color.glsl", include_str!("../lib/color.glsl")),
     ("lib/coverage.glsl", include_str!("../lib/coverage.glsl")),
     ("lib/depth.glsl", include_str!("../lib/depth.glsl")),
+    ("lib/depth_format.glsl", include_str!("../lib/depth_format.glsl")),
     ("lib/edge.glsl", include_str!("../lib/edge.glsl")),
     ("lib/exact.glsl", include_str!("../lib/exact.glsl")),
     ("lib/interpolate.glsl", include_str!("../lib/interpolate.glsl")),

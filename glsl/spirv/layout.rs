@@ -33,6 +33,7 @@ const _: () = assert!(abi::SPEC_LANES == 5, "SPEC_LANES has changed: run `cargo 
 const _: () = assert!(abi::SPEC_COMPARE == 1, "SPEC_COMPARE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_IN_PLACE == 6, "SPEC_IN_PLACE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_ADJUSTED == 8, "SPEC_ADJUSTED has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_DEPTH_BITS == 9, "SPEC_DEPTH_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_FORMATS == 2, "SPEC_FORMATS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_MORE_FORMATS == 3, "SPEC_MORE_FORMATS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_DEPTH == 4, "SPEC_DEPTH has changed: run `cargo spirv`");
@@ -99,6 +100,7 @@ const _: () = assert!(format::Packing::Rg11b10 as u32 == 5, "Packing::Rg11b10 ha
 const _: () = assert!(format::Packing::R5g6b5 as u32 == 6, "Packing::R5g6b5 has changed: run `cargo spirv`");
 const _: () = assert!(format::Packing::A1r5g5b5 as u32 == 7, "Packing::A1r5g5b5 has changed: run `cargo spirv`");
 const _: () = assert!(format::Packing::Bgr10a2 as u32 == 8, "Packing::Bgr10a2 has changed: run `cargo spirv`");
+const _: () = assert!(format::Packing::Low24 as u32 == 11, "Packing::Low24 has changed: run `cargo spirv`");
 const _: () = assert!(format::Format::R8Unorm as u32 == 0, "Format::R8Unorm has changed: run `cargo spirv`");
 const _: () = assert!(format::Format::R8Snorm as u32 == 2, "Format::R8Snorm has changed: run `cargo spirv`");
 const _: () = assert!(format::Format::R8Uint as u32 == 4, "Format::R8Uint has changed: run `cargo spirv`");
@@ -144,6 +146,8 @@ const _: () = assert!(format::Format::Rg11b10Ufloat as u32 == 171, "Format::Rg11
 const _: () = assert!(format::Format::R5g6b5Unorm as u32 == 176, "Format::R5g6b5Unorm has changed: run `cargo spirv`");
 const _: () = assert!(format::Format::A1r5g5b5Unorm as u32 == 248, "Format::A1r5g5b5Unorm has changed: run `cargo spirv`");
 const _: () = assert!(format::Format::D32Float as u32 == 22, "Format::D32Float has changed: run `cargo spirv`");
+const _: () = assert!(format::Format::D16Unorm as u32 == 14, "Format::D16Unorm has changed: run `cargo spirv`");
+const _: () = assert!(format::Format::X8D24Unorm as u32 == 30, "Format::X8D24Unorm has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleList as u32 == 0, "Topology::TriangleList has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleStrip as u32 == 1, "Topology::TriangleStrip has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleFan as u32 == 2, "Topology::TriangleFan has changed: run `cargo spirv`");
@@ -241,8 +245,9 @@ const _: () = assert!(std::mem::size_of::<abi::Commands>() == 48, "Commands has 
 const _: () = assert!(std::mem::offset_of!(abi::Narrow, pixels) == 0, "Narrow.pixels differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Narrow, first) == 4, "Narrow.first differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Narrow, texel_bytes) == 8, "Narrow.texel_bytes differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
-const _: () = assert!(std::mem::offset_of!(abi::Narrow, to_rows) == 12, "Narrow.to_rows differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
-const _: () = assert!(std::mem::size_of::<abi::Narrow>() == 16, "Narrow has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Narrow, depth_bits) == 12, "Narrow.depth_bits differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Narrow, to_rows) == 16, "Narrow.to_rows differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::size_of::<abi::Narrow>() == 20, "Narrow has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, first_in_draw) == 0, "Piece.first_in_draw differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, primitives_per_instance) == 4, "Piece.primitives_per_instance differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, first_primitive) == 8, "Piece.first_primitive differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");

@@ -19,7 +19,7 @@ use std::{
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     colors: Vec<Format>,
-    depth: bool,
+    depth: Option<Format>,
     /// The resources, with run-time arrays as long as the longest that the pass binds.
     resources: Vec<Resource>,
 }
@@ -30,7 +30,7 @@ impl Variant {
         let variant = |pipeline: &Arc<Pipeline>| {
             let resources = pipeline.resources()?;
             let colors = pass.colors.iter().map(|color| color.format).collect();
-            Ok(Self { colors, depth: pass.depth.is_some(), resources })
+            Ok(Self { colors, depth: pass.depth.as_ref().map(|depth| depth.format), resources })
         };
         let mut all: Vec<Self> = pass.pipelines.iter().map(variant).collect::<Result<_>>()?;
         // The run-time arrays of each pipeline, with the length that is bound to them.
@@ -253,14 +253,14 @@ fn create(
             Some(vk::VertexInputBindingDivisorDescriptionKHR { binding: n as u32, divisor })
         })
         .collect();
-    let greatest = divisors.iter().map(|d| d.divisor).max();
-    if greatest.is_some_and(|greatest| greatest > gpu.0.draw_limits.divisor) {
+    // A device without the feature takes no divisor but 1, not even 0.
+    let most = gpu.0.draw_limits.divisor;
+    if let Some(one) = divisors.iter().find(|d| d.divisor > most || most == 1) {
         return Err(Error::Device(format!(
-            "pipeline `{}`: {} draws with divisors of up to {}, not {}; the compute executor does",
+            "pipeline `{}`: {} itself draws with no divisor of {}; the compute executor does",
             pipeline.label,
             gpu.info().name,
-            gpu.0.draw_limits.divisor,
-            greatest.unwrap_or(0)
+            one.divisor
         )));
     }
     let mut divisors = vk::PipelineVertexInputDivisorStateCreateInfoKHR::default()
@@ -317,10 +317,10 @@ fn create(
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
         .rasterization_samples(vk::SampleCountFlags::TYPE_1);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-        .depth_test_enable(variant.depth && pipeline.depth.test)
-        .depth_write_enable(variant.depth && pipeline.depth.test && pipeline.depth.write)
+        .depth_test_enable(variant.depth.is_some() && pipeline.depth.test)
+        .depth_write_enable(variant.depth.is_some() && pipeline.depth.test && pipeline.depth.write)
         .depth_compare_op(compare_op(pipeline.depth.compare))
-        .depth_bounds_test_enable(variant.depth && pipeline.depth.bounds);
+        .depth_bounds_test_enable(variant.depth.is_some() && pipeline.depth.bounds);
     for (n, &format) in variant.colors.iter().enumerate() {
         if pipeline.color_state(n).blend.is_some() && !gpu.0.blends_in(format) {
             return Err(Error::Device(format!(
@@ -366,8 +366,8 @@ fn create(
     let color_formats: Vec<_> = variant.colors.iter().copied().map(vk_format).collect();
     let mut rendering =
         vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&color_formats);
-    if variant.depth {
-        rendering = rendering.depth_attachment_format(vk_format(Format::D32Float));
+    if let Some(depth) = variant.depth {
+        rendering = rendering.depth_attachment_format(vk_format(depth));
     }
     let info = [vk::GraphicsPipelineCreateInfo::default()
         .stages(&stages)

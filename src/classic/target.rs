@@ -56,7 +56,7 @@ impl Targets {
                 depth_stencil: vk::ClearDepthStencilValue { depth, stencil: 0 },
             };
             let begin = Begin::new(gpu, &depth.load, value)?;
-            let info = info("depth target", pass.extent, Format::D32Float);
+            let info = info("depth target", pass.extent, depth.format);
             let place = depth.image.as_ref().map(|image| (image, depth.subresource()));
             Target::new(gpu, &info, place, begin, depth.store)
         });

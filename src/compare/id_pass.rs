@@ -17,7 +17,7 @@
 use crate::{
     error::{Error, Result},
     format::Format,
-    pass::{Draw, Pass, Pipeline},
+    pass::{Draw, Pass, Pipeline, instance_alone},
     prebuilt,
     shader::{Shader, Stage},
     target::{ColorTarget, DepthTarget, StoreOp},
@@ -69,10 +69,17 @@ impl IdPass {
 pub fn id_pass(pass: &Pass) -> Result<IdPass> {
     let pass = &*pass.with_commands_read()?;
     let ranges = ranges(pass)?;
-    let draws = ranges.iter().map(|range| id_draw(pass, range)).collect::<Result<_>>()?;
+    // Each instance is a draw of its own, with a pipeline for such draws.
+    let mut alone = pass.pipelines.clone();
+    let mut draws = Vec::with_capacity(ranges.len());
+    for range in &ranges {
+        let (pipeline, draw) = id_draw(pass, range)?;
+        alone[draw.pipeline] = pipeline;
+        draws.push(draw);
+    }
     let mut shaders = HashMap::new();
     let mut pipelines = Vec::with_capacity(pass.pipelines.len());
-    for pipeline in &pass.pipelines {
+    for pipeline in &alone {
         let offset = id_offset(pipeline)?;
         let shader = match shaders.get(&offset) {
             Some(shader) => Arc::clone(shader),
@@ -184,18 +191,19 @@ fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
     }
 }
 
-fn id_draw(pass: &Pass, range: &IdRange) -> Result<Draw> {
+fn id_draw(pass: &Pass, range: &IdRange) -> Result<(Arc<Pipeline>, Draw)> {
     let draw = &pass.draws[range.draw];
     let mut push_constants = draw.push_constants.clone();
     push_constants.resize(id_offset(&pass.pipelines[draw.pipeline])?, 0);
     push_constants.extend_from_slice(&range.first_id.to_ne_bytes());
-    let first_instance = draw.first_instance.checked_add(range.instance).ok_or_else(|| {
+    draw.first_instance.checked_add(range.instance).ok_or_else(|| {
         Error::Usage(format!(
             "draw {} has {} instances from {} on; they are numbered with 32 bits",
             range.draw, draw.instances, draw.first_instance
         ))
     })?;
-    Ok(Draw { push_constants, instances: 1, first_instance, ..draw.clone() })
+    let (pipeline, draw) = instance_alone(&pass.pipelines[draw.pipeline], draw, range.instance);
+    Ok((pipeline, Draw { push_constants, ..draw }))
 }
 
 #[cfg(test)]

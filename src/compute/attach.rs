@@ -16,6 +16,7 @@ use crate::{
     error::{Error, Result},
     format::Format,
     grid::Grid,
+    image::texel,
     pass::Pass,
     target::{ClearColor, LoadOp, StoreOp},
     vk::{Arena, Buffer, Gpu, Image, Kernel, Recorder, Subresource},
@@ -66,13 +67,19 @@ impl Attachments {
             let place = (&c.image, c.subresource());
             *attachment = Some(Attachment::new(gpu, c.format, place, &c.load, c.store)?);
         }
-        let is_narrow = colors.iter().flatten().any(Attachment::is_narrow);
-        let narrow = is_narrow.then(narrow).transpose()?;
         let depth = pass.depth.as_ref();
         let depth = depth.map(|d| {
-            Attachment::new(gpu, Format::D32Float, (&d.image, d.subresource()), &d.load, d.store)
+            let load = match &d.load {
+                LoadOp::Clear(depth) => LoadOp::Clear(texel::kept_depth(d.format, *depth)),
+                load => load.clone(),
+            };
+            Attachment::new(gpu, d.format, (&d.image, d.subresource()), &load, d.store)
         });
         let depth = depth.transpose()?;
+        let mut narrow_ones = colors.iter().flatten().map(Attachment::is_narrow);
+        let is_narrow =
+            narrow_ones.any(|narrow| narrow) || depth.as_ref().is_some_and(Attachment::is_narrow);
+        let narrow = is_narrow.then(narrow).transpose()?;
         let loaded = depth.as_ref().filter(|depth| !matches!(depth.begin, Begin::Value(_)));
         let any_bounds = loaded.map(|_| arena.push(&vec![[0.0, 1.0]; band.bins() as usize]));
         Ok(Self { colors, depth, any_bounds: any_bounds.transpose()?, narrow })
@@ -101,15 +108,17 @@ impl Attachments {
         self.colors().map(|color| color.format.row_bytes()).sum()
     }
 
-    /// Most bytes of a pixel of a colour target that the kernel `narrow` brings to an image or takes from one.
+    /// Most bytes of a pixel of a target that the kernel `narrow` brings to an image or takes from one.
     pub fn narrow_bytes(&self) -> Option<usize> {
-        let narrow = self.colors().filter(|color| color.is_narrow());
-        narrow.map(|color| color.format.texel_bytes()).max()
+        let bytes = |is_narrow: bool, format: Format| is_narrow.then(|| format.texel_bytes());
+        let colors = self.colors().filter_map(|color| bytes(color.is_narrow(), color.format));
+        let depth = self.depth.iter().filter_map(|depth| bytes(depth.is_narrow(), depth.format));
+        colors.chain(depth).max()
     }
 
-    /// The kernel that a colour target needs on the way to its image and back, if it does.
-    fn narrows(&self, color: &Attachment<ClearColor>) -> Option<&Kernel> {
-        self.narrow.as_ref().filter(|_| color.is_narrow())
+    /// The kernel that a target needs on the way to its image and back, if it does.
+    fn narrows<T: Copy>(&self, target: &Attachment<T>) -> Option<&Kernel> {
+        self.narrow.as_ref().filter(|_| target.is_narrow())
     }
 
     /// Records what the rows of `target` begin with, which are those of `band`. `kernel` clears.
@@ -125,12 +134,13 @@ impl Attachments {
                 (Begin::Value(value), ..) => {
                     clear::color(recorder, kernel, target, (color.format, &bytes), *value)
                 }
-                (Begin::Image(_), Some(narrow), Some(texels)) => {
-                    color.load(recorder, band, &texels.cast()?)?;
-                    let rows = (&target.color, bytes.start / 4);
-                    let way = (Way::ToRows, band.extent.pixels());
-                    narrow::record(recorder, narrow, rows, (color.format, texels), way)
-                }
+                (Begin::Image(_), Some(narrow), Some(texels)) => color.load_narrow(
+                    recorder,
+                    narrow,
+                    band,
+                    (&target.color, bytes.start / 4),
+                    texels,
+                ),
                 _ => color.load(recorder, band, &rows()?),
             }
         };
@@ -142,13 +152,24 @@ impl Attachments {
                 begin(recorder, color, bytes)?;
             }
         }
+        let narrow_depth = match (&self.depth, target.texels.as_ref()) {
+            (Some(depth), Some(texels)) if matches!(depth.begin, Begin::Image(_)) => {
+                self.narrows(depth).map(|narrow| (depth, narrow, texels))
+            }
+            _ => None,
+        };
+        if let Some((depth, narrow, texels)) = narrow_depth {
+            depth.load_narrow(recorder, narrow, band, (&target.depth.cast()?, 0), texels)?;
+        }
         recorder.group(|recorder| {
             if let Some((color, bytes)) = self.planes(band).next().filter(|(c, _)| !goes_alone(c)) {
                 begin(recorder, color, bytes)?;
             }
             match (&self.depth, &self.any_bounds) {
                 (Some(depth), Some(bounds)) => {
-                    depth.load(recorder, band, &target.depth.cast()?)?;
+                    if narrow_depth.is_none() {
+                        depth.load(recorder, band, &target.depth.cast()?)?;
+                    }
                     let bins = target.bin_bounds.len();
                     recorder.copy(&bounds.slice(0..bins)?, &target.bin_bounds)
                 }
@@ -167,17 +188,21 @@ impl Attachments {
     pub fn end(&self, recorder: &mut Recorder, (band, target): (&Grid, &Target)) -> Result<()> {
         for (color, bytes) in self.planes(band) {
             match (self.narrows(color), &target.texels) {
-                (Some(narrow), Some(texels)) if color.is_stored() => {
+                (Some(narrow), Some(texels)) => {
                     let rows = (&target.color, bytes.start / 4);
-                    let way = (Way::FromRows, band.extent.pixels());
-                    narrow::record(recorder, narrow, rows, (color.format, texels), way)?;
-                    color.store(recorder, band, &texels.cast()?)?;
+                    color.store_narrow(recorder, narrow, band, rows, texels)?;
                 }
                 _ => color.store(recorder, band, &target.color.cast()?.slice(bytes)?)?,
             }
         }
-        if let Some(depth) = &self.depth {
-            depth.store(recorder, band, &target.depth.cast()?)?;
+        match (&self.depth, &target.texels) {
+            (Some(depth), Some(texels)) if depth.is_narrow() => {
+                let Some(narrow) = self.narrows(depth) else { return Ok(()) };
+                let rows = (&target.depth.cast()?, 0);
+                depth.store_narrow(recorder, narrow, band, rows, texels)?;
+            }
+            (Some(depth), _) => depth.store(recorder, band, &target.depth.cast()?)?,
+            (None, _) => {}
         }
         Ok(())
     }
@@ -243,6 +268,37 @@ impl<T: Copy> Attachment<T> {
                 recorder.copy(&picture.slice(first..first + rows.len())?, rows)
             }
         }
+    }
+
+    /// As [`Attachment::load`] from an image, by way of `texels`, to the rows that begin with a word of a buffer.
+    fn load_narrow(
+        &self,
+        recorder: &mut Recorder,
+        narrow: &Kernel,
+        band: &Grid,
+        rows: (&Buffer<u32>, usize),
+        texels: &Buffer<u32>,
+    ) -> Result<()> {
+        self.load(recorder, band, &texels.cast()?)?;
+        let way = (Way::ToRows, band.extent.pixels());
+        narrow::record(recorder, narrow, rows, (self.format, texels), way)
+    }
+
+    /// As [`Attachment::store`], by way of `texels`, of the rows that begin with a word of a buffer.
+    fn store_narrow(
+        &self,
+        recorder: &mut Recorder,
+        narrow: &Kernel,
+        band: &Grid,
+        rows: (&Buffer<u32>, usize),
+        texels: &Buffer<u32>,
+    ) -> Result<()> {
+        if !self.is_stored() {
+            return Ok(());
+        }
+        let way = (Way::FromRows, band.extent.pixels());
+        narrow::record(recorder, narrow, rows, (self.format, texels), way)?;
+        self.store(recorder, band, &texels.cast()?)
     }
 
     /// Copies `rows` to the image, if there is one that keeps them.

@@ -3,7 +3,7 @@
 use super::{
     Renderer,
     kernels::{self, Kernels},
-    maker::{KernelRequest, Maker, STACK_BYTES},
+    maker::{Depths, KernelRequest, Maker, STACK_BYTES},
     narrow,
 };
 use crate::{
@@ -57,9 +57,8 @@ impl Compilation {
 impl Renderer {
     /// Compiles `pipeline` for passes whose targets have these formats, so that the first of them finds it compiled. There is
     /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, the pipeline is
-    /// another one, as with targets of other formats. Every depth target, also one that is transient, has the format
-    /// [`Format::D32Float`]. [`Renderer::compile_pass`] takes the formats from a pass,
-    /// and finds out whether draws have a depth bias, which takes another kernel.
+    /// another one, as with targets of other formats. [`Renderer::compile_pass`] takes the formats from a pass,
+    /// and finds out whether depths are adjusted in it, by a bias or by a clamp, which takes other kernels.
     ///
     /// Drivers for CPUs generate code when a kernel is dispatched for the first time, which takes longest of all. So on them
     /// the kernels are dispatched over nothing, and waited for; but not on a device of the caller, whose queue somebody else
@@ -77,7 +76,8 @@ impl Renderer {
         colors: &[Format],
         depth: Option<Format>,
     ) -> Result<Compiled> {
-        let kernels = self.kernels.get(wanted((pipeline, false), colors, depth)?)?;
+        let kernels =
+            self.kernels.get(wanted((pipeline, pipeline.adjusts_depths()), colors, depth)?)?;
         Ok(Compiled { _kernels: kernels.into() })
     }
 
@@ -91,7 +91,11 @@ impl Renderer {
         colors: &[Format],
         depth: Option<Format>,
     ) -> Result<Compilation> {
-        Ok(Compilation(self.kernels.start(wanted((pipeline, false), colors, depth)?)))
+        Ok(Compilation(self.kernels.start(wanted(
+            (pipeline, pipeline.adjusts_depths()),
+            colors,
+            depth,
+        )?)))
     }
 
     /// As [`Renderer::compile`], all pipelines of `pass` for its targets.
@@ -115,19 +119,31 @@ impl Renderer {
 /// The kernels that `pass` needs, each once.
 fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
     let colors: Vec<_> = pass.colors.iter().map(|color| color.format).collect();
-    let depth = pass.depth.as_ref().map(|_| Format::D32Float);
+    let depth = pass.depth.as_ref().map(|depth| depth.format);
+    let adjusts = pass.draws.iter().any(|draw| {
+        pass.pipelines.get(draw.pipeline).is_some_and(|pipeline| pipeline.adjusts_depth(draw))
+    });
     let mut all = Vec::new();
     for (n, pipeline) in pass.pipelines.iter().enumerate() {
-        let mut draws = pass.draws.iter().filter(|draw| draw.pipeline == n);
-        let adjusted = draws.any(|draw| pipeline.adjusts_depth(draw));
-        for one in wanted((pipeline, adjusted), &colors, depth)? {
-            if !all.contains(&one) {
-                all.push(one);
+        // A batch of several draws is adjusted if one of them is.
+        let mut of_pipeline = pass.draws.iter().filter(|draw| draw.pipeline == n);
+        let plain = of_pipeline.any(|draw| !pipeline.adjusts_depth(draw));
+        for adjusted in [plain.then_some(false), adjusts.then_some(true)].into_iter().flatten() {
+            for one in wanted((pipeline, adjusted), &colors, depth)? {
+                if !all.contains(&one) {
+                    all.push(one);
+                }
             }
+        }
+        if !plain && !adjusts {
+            all.extend(wanted((pipeline, pipeline.adjusts_depths()), &colors, depth)?);
         }
     }
     let is_narrow = |color: &ColorTarget| color.image.is_some() && narrow::is_narrow(color.format);
-    if pass.colors.iter().any(is_narrow) {
+    let mut depth = pass.depth.iter();
+    if pass.colors.iter().any(is_narrow)
+        || depth.any(|depth| depth.image.is_some() && narrow::is_narrow(depth.format))
+    {
         all.push(KernelRequest::Narrow);
     }
     Ok(all)
@@ -143,14 +159,14 @@ fn wanted(
     check_color_targets(colors.len())
         .and_then(|()| check_outputs(pipeline, colors.iter().copied()))
         .map_err(|fault| Error::Usage(format!("pipeline `{}`: {fault}", pipeline.label)))?;
-    if let Some(format) = depth.filter(|format| *format != Format::D32Float) {
+    if let Some(format) = depth.filter(|format| !format.is_depth()) {
         return Err(Error::Usage(format!("{format:?} is no format of a depth target")));
     }
     let formats = kernels::color_formats(colors.iter().copied())?;
     let PipelineKernels { vertex, fragment, method } =
         PipelineKernels::of(pipeline, colors.len(), depth.is_some());
     let mut wanted = vec![KernelRequest::Vertex(vertex)];
-    wanted.extend(kernels::of_method((method, adjusted), fragment, formats));
+    wanted.extend(kernels::of_method((method, Depths::new(adjusted, depth)), fragment, formats));
     Ok(wanted)
 }
 

@@ -171,7 +171,10 @@ impl Setup {
         let mut kernels_of_plan = std::mem::take(*found);
         kernels.of_plan(
             plan,
-            color_formats(pass.colors.iter().map(|c| c.format))?,
+            (
+                color_formats(pass.colors.iter().map(|c| c.format))?,
+                pass.depth.as_ref().map(|d| d.format),
+            ),
             &mut kernels_of_plan,
         )?;
         let (gpu, kernels, extent) = (gpu.clone(), kernels_of_plan, pass.extent);

@@ -2,7 +2,7 @@
 
 use super::{
     compile::Pending,
-    maker::{KernelRequest, Maker, in_parallel},
+    maker::{Depths, KernelRequest, Maker, in_parallel},
 };
 use crate::{
     error::{Error, Result},
@@ -167,20 +167,20 @@ impl Kernels {
         (self.made.len(), self.made.made())
     }
 
-    /// Puts the kernels of `plan` for these formats of colour targets into `found`. Missing ones are made.
+    /// Puts the kernels of `plan` for these formats of targets into `found`. Missing ones are made.
     ///
     /// # Errors
     /// As [`Kernels::make`].
     pub fn of_plan(
         &mut self,
         plan: &Plan,
-        formats: ColorFormats,
+        (formats, depth): (ColorFormats, Option<Format>),
         found: &mut PlanKernels,
     ) -> Result<()> {
         let vertex = || plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone()));
         let of_batch = |batch: &BatchPlan, kernel: usize| {
             of_method(
-                (batch.method, batch.adjusted),
+                (batch.method, Depths::new(batch.adjusted, depth)),
                 plan.fragment_kernels[kernel].clone(),
                 formats,
             )
@@ -240,19 +240,19 @@ impl Kernels {
     }
 }
 
-/// The kernels that draw the fragments of a batch, with adjusted depths or without, into colour targets.
+/// The kernels that draw the fragments of a batch with such depths into colour targets.
 pub fn of_method(
-    (method, adjusted): (Method, bool),
+    (method, depths): (Method, Depths),
     fragment: Arc<KernelKey>,
     formats: ColorFormats,
 ) -> impl Iterator<Item = KernelRequest> {
     let (raster, fragment) = match method {
         Method::Opaque { compare, shades } => (
-            Some(KernelRequest::Raster(compare, adjusted)),
-            shades.then_some(KernelRequest::Shade(fragment, formats, adjusted)),
+            Some(KernelRequest::Raster(compare, depths)),
+            shades.then_some(KernelRequest::Shade(fragment, formats, depths)),
         ),
         Method::Ordered { depth, .. } => {
-            (None, Some(KernelRequest::Ordered(fragment, formats, adjusted, depth)))
+            (None, Some(KernelRequest::Ordered(fragment, formats, depths, depth)))
         }
     };
     raster.into_iter().chain(fragment)

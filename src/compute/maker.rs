@@ -21,16 +21,32 @@ use std::{
 /// A kernel that is made when the first pass needs it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum KernelRequest {
-    /// Raster with a depth comparison, and whether depths may be adjusted.
-    Raster(Compare, bool),
+    /// Raster with a depth comparison.
+    Raster(Compare, Depths),
     /// Between rows and narrow texels.
     Narrow,
     /// Vertex shading.
     Vertex(Arc<KernelKey>),
-    /// Shading of opaque work into colour targets of these formats, and whether depths may be adjusted.
-    Shade(Arc<KernelKey>, ColorFormats, bool),
-    /// Ordered work into colour targets of these formats, whether depths may be adjusted, and a depth mode.
-    Ordered(Arc<KernelKey>, ColorFormats, bool, u32),
+    /// Shading of opaque work into colour targets of these formats.
+    Shade(Arc<KernelKey>, ColorFormats, Depths),
+    /// Ordered work into colour targets of these formats, with a depth mode.
+    Ordered(Arc<KernelKey>, ColorFormats, Depths, u32),
+}
+
+/// What kernels are specialized for in the depths that they compute.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Depths {
+    /// Whether they may be adjusted ([`abi::SPEC_ADJUSTED`]).
+    pub adjusted: bool,
+    /// [`abi::SPEC_DEPTH_BITS`].
+    pub bits: u32,
+}
+
+impl Depths {
+    /// Those for a depth target of `format`, if there is one.
+    pub fn new(adjusted: bool, format: Option<Format>) -> Self {
+        Self { adjusted, bits: format.map_or(0, Format::depth_bits) }
+    }
 }
 
 /// What kernels are made with.
@@ -93,7 +109,7 @@ impl Maker {
     pub fn make(&self, wanted: &KernelRequest) -> Result<Kernel> {
         let width = self.width;
         let (stage, words, key, constants) = match wanted {
-            KernelRequest::Raster(compare, adjusted) => {
+            KernelRequest::Raster(compare, depths) => {
                 // Shared memory has no advantage on a CPU, and the driver does not access it by
                 // address.
                 let in_place = self.gpu.reads_by_address().into();
@@ -101,7 +117,8 @@ impl Maker {
                     ("SUBGROUP_WIDTH", width),
                     ("COMPARE", *compare as u32),
                     ("IN_PLACE", in_place),
-                    ("ADJUSTED", (*adjusted).into()),
+                    ("ADJUSTED", depths.adjusted.into()),
+                    ("DEPTH_BITS", depths.bits),
                 ];
                 let words = self.sources.words("raster.comp");
                 return self.kernel(&self.wide("raster", words, &constants));
@@ -113,30 +130,33 @@ impl Maker {
             KernelRequest::Vertex(key) => {
                 // `lib/attribute.glsl` knows no others without ANY_FORMAT.
                 let is_common = |(_, format): &(u32, u32)| {
-                    format >> abi::ATTRIBUTE_PACKING_SHIFT & 15 == Packing::Bits32 as u32
+                    let packing = format & ((1 << abi::ATTRIBUTE_COUNT_SHIFT) - 1);
+                    packing >> abi::ATTRIBUTE_PACKING_SHIFT == Packing::Bits32 as u32
                 };
                 let any_format = !key.attributes.iter().all(is_common);
                 let words =
                     self.sources.variant("vertex.comp", Variant { any_format, ..Variant::PLAIN });
                 ("vertex", words, key, vec![("LANES", vertex::lanes(width))])
             }
-            KernelRequest::Shade(key, formats, adjusted) => {
+            KernelRequest::Shade(key, formats, depths) => {
                 let (targets, [formats, more]) = (targets(*formats), halves(*formats));
                 let constants = vec![
                     ("SUBGROUP_WIDTH", width),
                     ("FORMATS", formats),
                     ("MORE_FORMATS", more),
-                    ("ADJUSTED", (*adjusted).into()),
+                    ("ADJUSTED", depths.adjusted.into()),
+                    ("DEPTH_BITS", depths.bits),
                 ];
                 ("shade", self.sources.variant("shade.comp", targets), key, constants)
             }
-            KernelRequest::Ordered(key, formats, adjusted, depth) => {
+            KernelRequest::Ordered(key, formats, depths, depth) => {
                 let (targets, [formats, more]) = (targets(*formats), halves(*formats));
                 let constants = vec![
                     ("SUBGROUP_WIDTH", width),
                     ("FORMATS", formats),
                     ("MORE_FORMATS", more),
-                    ("ADJUSTED", (*adjusted).into()),
+                    ("ADJUSTED", depths.adjusted.into()),
+                    ("DEPTH_BITS", depths.bits),
                     ("DEPTH", *depth),
                 ];
                 ("ordered", self.sources.variant("ordered.comp", targets), key, constants)

@@ -66,7 +66,7 @@ use crate::{
 };
 use frame::{Setup, Workspace};
 use kernels::{Kernels, PlanKernels};
-use maker::{KernelRequest, Maker};
+use maker::{Depths, KernelRequest, Maker};
 use prepared::Results;
 use scratch::Scratch;
 use slots::{TablePool, TableSlots, Tables};
@@ -309,13 +309,9 @@ impl Renderer {
             Stage::Vertex => self.kernels.make([KernelRequest::Vertex(key)]),
             Stage::Fragment => {
                 let format = kernels::color_formats([Format::Rgba8Srgb].into_iter())?;
-                let ordered = KernelRequest::Ordered(
-                    key.clone(),
-                    format,
-                    false,
-                    depth_mode(&shader.reflection),
-                );
-                self.kernels.make([KernelRequest::Shade(key, format, false), ordered])
+                let (depths, mode) = (Depths::default(), depth_mode(&shader.reflection));
+                let ordered = KernelRequest::Ordered(key.clone(), format, depths, mode);
+                self.kernels.make([KernelRequest::Shade(key, format, depths), ordered])
             }
         }
     }

@@ -31,7 +31,8 @@ pub(crate) fn encode(format: Format, color: ClearColor) -> [u32; 4] {
                     number - u32::from(is_too_large)
                 })
             }
-            (Numeric::Float | Numeric::Depth, _) => c.map(f32::to_bits),
+            (Numeric::Float, _) => c.map(f32::to_bits),
+            (Numeric::Depth, _) => each(&|n| depth_number(format, c[n])),
             (Numeric::Srgb, _) => {
                 let [r, g, b, a] = c.map(limited);
                 let c = [kernel_srgb(r), kernel_srgb(g), kernel_srgb(b), a];
@@ -73,7 +74,8 @@ pub(crate) fn decode(format: Format, texel: &[u8]) -> [f32; 4] {
             Numeric::Snorm => (signed(number) as f32 / (masks[n] >> 1) as f32).max(-1.0),
             Numeric::Uint | Numeric::Uscaled => number as f32,
             Numeric::Sint | Numeric::Sscaled => signed(number) as f32,
-            Numeric::Float | Numeric::Depth => match format.packing() {
+            Numeric::Depth => depth_of_number(format, number),
+            Numeric::Float => match format.packing() {
                 Packing::Bits16 => half_to_f32(number as u16),
                 // The exponent is that of a half float.
                 Packing::Rg11b10 if n < 2 => half_to_f32((number << 4) as u16),
@@ -105,6 +107,7 @@ fn masks(format: Format) -> [u32; 4] {
         Packing::Bits8 | Packing::Bgra8 => [0xff; 4],
         Packing::Bits16 => [0xffff; 4],
         Packing::Bits32 => [u32::MAX; 4],
+        Packing::Low24 => [0xff_ffff; 4],
         Packing::Rgb10a2 | Packing::Bgr10a2 => [0x3ff, 0x3ff, 0x3ff, 3],
         Packing::Rg11b10 => [0x7ff, 0x7ff, 0x3ff, 0],
         Packing::R5g6b5 => [0x1f, 0x3f, 0x1f, 0],
@@ -118,13 +121,34 @@ fn shifts(format: Format) -> [u32; 4] {
         Packing::Bits8 => [0, 8, 16, 24],
         Packing::Bgra8 => [16, 8, 0, 24],
         Packing::Bits16 => [0, 16, 0, 16],
-        Packing::Bits32 => [0; 4],
+        Packing::Bits32 | Packing::Low24 => [0; 4],
         Packing::Rgb10a2 => [0, 10, 20, 30],
         Packing::Bgr10a2 => [20, 10, 0, 30],
         Packing::Rg11b10 => [0, 11, 22, 0],
         Packing::R5g6b5 => [11, 5, 0, 0],
         Packing::A1r5g5b5 => [10, 5, 0, 15],
     }
+}
+
+/// The bits that a depth target of `format` keeps of a depth, as `glsl/lib/depth_format.glsl` has them.
+fn depth_number(format: Format, depth: f32) -> u32 {
+    match format.depth_bits() {
+        0 => depth.to_bits(),
+        bits => unorm(depth, (1 << bits) - 1),
+    }
+}
+
+/// The depth that such bits stand for.
+fn depth_of_number(format: Format, number: u32) -> f32 {
+    match format.depth_bits() {
+        0 => f32::from_bits(number),
+        bits => (f64::from(number) / f64::from((1u32 << bits) - 1)) as f32,
+    }
+}
+
+/// The depth nearest to `depth`, which is in 0..=1, that a target of `format` holds.
+pub(crate) fn kept_depth(format: Format, depth: f32) -> f32 {
+    depth_of_number(format, depth_number(format, depth))
 }
 
 /// To 0..=1; not-a-number becomes 0, as the specification of UNORM says.

@@ -1,8 +1,10 @@
 //! Draw commands in buffers: whether they are valid, and what they draw.
 
-use super::{Draw, IndexedIndirectCommand, Indirect, IndirectCommand, Pass, validate::Fault};
+use super::{
+    Draw, IndexedIndirectCommand, Indirect, IndirectCommand, Pass, instance_alone, validate::Fault,
+};
 use crate::error::Result;
-use std::borrow::Cow;
+use std::{borrow::Cow, sync::Arc};
 
 /// Most commands of a draw.
 const MOST_DRAWS: u32 = 1 << 20;
@@ -124,11 +126,15 @@ fn read(pass: &mut Pass, draw: &Draw, indirect: &Indirect) -> Result<()> {
         let whole = left.checked_div(of_one).unwrap_or(0).min(one.instances);
         let part = if whole < one.instances { (left - whole * of_one).min(of_one) } else { 0 };
         left -= whole * of_one + part;
-        let first_instance = one.first_instance.wrapping_add(whole);
-        let elements = topology.elements(part);
         pass.draws.push(Draw { instances: whole, ..one.clone() });
         if part > 0 {
-            pass.draws.push(Draw { count: elements, instances: 1, first_instance, ..one });
+            let (pipeline, last) = instance_alone(&pass.pipelines[draw.pipeline], &one, whole);
+            let mut number = draw.pipeline;
+            if !Arc::ptr_eq(&pipeline, &pass.pipelines[number]) {
+                number = pass.pipelines.len();
+                pass.pipelines.push(pipeline);
+            }
+            pass.draws.push(Draw { count: topology.elements(part), pipeline: number, ..last });
         }
     }
     Ok(())

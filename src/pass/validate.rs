@@ -368,7 +368,7 @@ fn check_vertices(draw: &Draw, pipeline: &Pipeline, ranges: &mut IndexRanges) ->
             u32::MAX
         ));
     }
-    check_attributes(draw, pipeline, last, last_instance)
+    check_attributes(draw, pipeline, last, [draw.first_instance.into(), last_instance])
 }
 
 /// Whether the commands of a draw are there, and one element of each attribute: nobody knows which are read.
@@ -377,22 +377,25 @@ fn check_commands(draw: &Draw, pipeline: &Pipeline) -> Fault {
     check_range(&indirect.commands)?;
     indirect.count.as_ref().map_or(Ok(()), check_range)?;
     indirect.check(draw.indices.is_some())?;
-    check_attributes(draw, pipeline, 0, 0)
+    check_attributes(draw, pipeline, 0, [0, 0])
 }
 
-/// Whether each attribute has its elements up to vertex `last` or instance `last_instance`.
-fn check_attributes(draw: &Draw, pipeline: &Pipeline, last: i64, last_instance: i64) -> Fault {
+/// Whether each attribute has its elements up to vertex `last`, and those of the instances from `first` to `last_instance`.
+fn check_attributes(
+    draw: &Draw,
+    pipeline: &Pipeline,
+    last: i64,
+    [first, last_instance]: [i64; 2],
+) -> Fault {
     for attribute in &pipeline.vertex_attributes {
         let n = attribute.binding as usize;
         let (binding, range) = (pipeline.vertex_bindings[n], &draw.vertex_buffers[n]);
-        let first_instance = i64::from(draw.first_instance);
         let (what, element) = match binding.rate.divisor().map(i64::from) {
             None => ("vertex", last),
+            Some(1) => ("instance", last_instance),
             // Every instance reads the element of the first one.
-            Some(0) => ("instance", first_instance.min(last_instance)),
-            Some(n) => {
-                ("instance", (last_instance - first_instance).div_euclid(n) + first_instance)
-            }
+            Some(0) => ("element", first),
+            Some(n) => ("element", (last_instance - first) / n + first),
         };
         let size = attribute.format.bytes() as i64;
         let end = element * i64::from(binding.stride) + i64::from(attribute.offset) + size;
@@ -408,7 +411,7 @@ fn check_attributes(draw: &Draw, pipeline: &Pipeline, last: i64, last_instance: 
         let alignment = attribute.format.alignment();
         if range.offset % alignment != 0 {
             return Err(format!(
-                "binding {n} starts at byte {} of buffer `{}`; attribute {} has {alignment}-byte components",
+                "binding {n} starts at byte {} of buffer `{}`; attribute {} has to begin at a multiple of {alignment}",
                 range.offset,
                 range.buffer.label(),
                 attribute.location,

@@ -13,6 +13,7 @@ pub mod raster;
 pub mod window;
 
 use crate::{
+    format::Format,
     grid::Grid,
     pass::{Pass, Pipeline},
     target::LoadOp,
@@ -98,7 +99,7 @@ fn difference_in_band(
 fn depth_before(pass: &Pass, grid: &Grid) -> Vec<f32> {
     let pixels = grid.extent.pixels();
     match pass.depth.as_ref().map(|depth| &depth.load) {
-        Some(LoadOp::Clear(depth)) => vec![*depth; pixels],
+        Some(LoadOp::Clear(depth)) => vec![kept(pass, *depth); pixels],
         Some(LoadOp::Picture(picture)) => {
             let first = grid.origin_y as usize * grid.extent.width as usize;
             picture.depths()[first..first + pixels].to_vec()
@@ -106,6 +107,16 @@ fn depth_before(pass: &Pass, grid: &Grid) -> Vec<f32> {
         Some(LoadOp::Load) => unreachable!("a snapshot loads from no image"),
         None => vec![1.0; pixels],
     }
+}
+
+/// What the depth target of `pass` keeps of a depth: the nearest one that its format holds.
+fn kept(pass: &Pass, depth: f32) -> f32 {
+    let most = match pass.depth.as_ref().map(|target| target.format) {
+        Some(Format::D16Unorm) => 65535.0,
+        Some(Format::X8D24Unorm) => 16_777_215.0,
+        _ => return depth,
+    };
+    (f64::from((depth * most).round_ties_even()) / f64::from(most)) as f32
 }
 
 /// Says which vertex of `primitives` was not shaded.

@@ -111,7 +111,8 @@ fn crossing(outside: Vec4, dout: f32, inside: Vec4, din: f32) -> Corner {
 fn to_window(window: &Window, corner: &Corner) -> [f32; 3] {
     let [x, y, z, w] = corner.position;
     let inverse = flush(1.0 / w);
-    let ndc = [x * inverse, y * inverse, z * inverse];
+    // Without clipping, a depth may be anything. Far beyond 1 it makes no difference.
+    let ndc = [x * inverse, y * inverse, (z * inverse).clamp(-(2f32.powi(40)), 2f32.powi(40))];
     let Window { scale, offset, .. } = window;
     let mut position: [f32; 3] = std::array::from_fn(|i| match corner.made {
         true => ndc[i] * scale[i] + offset[i],

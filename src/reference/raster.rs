@@ -4,9 +4,11 @@
 //! Contract: draws the triangles in API order, one after the other, as the API describes it; twin
 //! of `glsl/raster.comp`, and of `glsl/ordered.comp` where shaders neither discard nor write depth.
 
-use super::{Input, assembly::Assembled, binning::edge_at, primitive::multiply_add};
+use super::{Input, assembly::Assembled, binning::edge_at, kept, primitive::multiply_add};
 use crate::{
+    format::Format,
     grid::Grid,
+    pass::Pass,
     state::{Compare, DepthBias, DepthState},
     trace::{Parts, Triangle, key},
 };
@@ -24,14 +26,14 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
             let Some(triangle) = triangle else { continue };
             let key = key(number, part);
             let of_draw = (state, &input.primitives[number]);
-            draw(input.grid, of_draw, triangle, key, depth, &mut visibility);
+            draw((input.pass, input.grid), of_draw, triangle, key, depth, &mut visibility);
         }
     }
     visibility
 }
 
 fn draw(
-    grid: &Grid,
+    (pass, grid): (&Pass, &Grid),
     (state, assembled): (DepthState, &Assembled),
     t: &Triangle,
     key: u32,
@@ -39,14 +41,14 @@ fn draw(
     visibility: &mut [u32],
 ) {
     let Assembled { bias, depth_bounds: [least, greatest], depth_limits, .. } = *assembled;
-    let bias = bias.map(|bias| bias_of(bias, t));
+    let bias = bias.map(|bias| bias_of(pass, bias, t));
     for y in t.first[1]..=t.last[1] {
         for x in t.first[0]..=t.last[0] {
             if !covers(grid, t, x, y) {
                 continue;
             }
             let at = (y * grid.extent.width + x) as usize;
-            let z = depth_at(grid, (t, bias, depth_limits), x, y);
+            let z = kept(pass, depth_at(grid, (t, bias, depth_limits), x, y));
             if state.bounds && !(least..=greatest).contains(&depth[at]) {
                 continue;
             }
@@ -80,14 +82,20 @@ fn depth_at(
 }
 
 /// What is added to all depths of a triangle: as the specification says it, less what no depth shows.
-fn bias_of(bias: DepthBias, t: &Triangle) -> f32 {
+fn bias_of(pass: &Pass, bias: DepthBias, t: &Triangle) -> f32 {
     let DepthBias { constant, slope, clamp } = bias;
-    // The weight of the last place of the largest depth, if it is a normal number.
-    let step = f32::from_bits((t.exponent.unwrap_or(0).max(24) - 23) << 23);
-    let sum = step * constant + t.dzdx.abs().max(t.dzdy.abs()) * slope;
+    let step = match pass.depth.as_ref().map(|target| target.format) {
+        Some(Format::D16Unorm) => 1.0 / 65535.0,
+        Some(Format::X8D24Unorm) => 1.0 / 16_777_215.0,
+        // The weight of the last place of the largest depth, if it is a normal number.
+        _ => f32::from_bits((t.exponent.unwrap_or(0).max(24) - 23) << 23),
+    };
+    let most = 2f32.powi(60);
+    let limited = |a: f32| a.clamp(-most, most);
+    let sum = limited(step * constant) + limited(t.dzdx.abs().max(t.dzdy.abs()) * slope);
     let sum = if clamp > 0.0 { sum.min(clamp) } else { sum };
     let sum = if clamp < 0.0 { sum.max(clamp) } else { sum };
-    sum.clamp(-(2f32.powi(60)), 2f32.powi(60))
+    limited(sum)
 }
 
 fn passes(compare: Compare, new: f32, old: f32) -> bool {

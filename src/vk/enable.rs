@@ -2,7 +2,7 @@
 
 use super::{
     device,
-    extension::{EXTENSIONS, Structure},
+    extension::{EXTENSIONS, Extension, Structure, VULKAN_14},
     features::{Feature, Features},
     requirements::{OPTIONAL, Optional, Probe, REQUIREMENTS},
 };
@@ -93,7 +93,10 @@ impl Enable {
                 false => missing.push(version),
             }
         }
-        missing.extend(EXTENSIONS.iter().map(|extension| extension.kind));
+        // Vulkan 1.4 does not allow both.
+        let has_14 = is_there(VULKAN_14);
+        let others = EXTENSIONS.iter().filter(|extension| !has_14 || extension.in_14.is_none());
+        missing.extend(others.map(|extension| extension.kind));
         self.added.clear();
         for kind in missing.into_iter().filter(|kind| !is_there(*kind)) {
             let mut structure = Structure::new(kind);
@@ -234,10 +237,11 @@ unsafe fn read(features: &mut Features, kind: vk::StructureType, structure: *con
             vk::PhysicalDeviceVulkan12Features::STRUCTURE_TYPE => features.v12 = *structure.cast(),
             vk::PhysicalDeviceVulkan13Features::STRUCTURE_TYPE => features.v13 = *structure.cast(),
             _ => {
-                if let Some(number) = EXTENSIONS.iter().position(|e| e.kind == kind) {
+                for (number, first) in extended(kind) {
                     let booleans = &raw const (*structure.cast::<Structure>()).booleans;
                     for n in 0..EXTENSIONS[number].features {
-                        features.extended[number][n] = *booleans.cast::<vk::Bool32>().add(n);
+                        features.extended[number][n] |=
+                            *booleans.cast::<vk::Bool32>().add(first + n);
                     }
                 }
                 if let Some(part) = PARTS.iter().find(|part| part.kind == kind) {
@@ -246,6 +250,15 @@ unsafe fn read(features: &mut Features, kind: vk::StructureType, structure: *con
             }
         }
     }
+}
+
+/// The extensions whose features are in structures of this kind, by number, with the number of the first feature there.
+fn extended(kind: vk::StructureType) -> impl Iterator<Item = (usize, usize)> {
+    let first = move |extension: &Extension| match extension.in_14 {
+        Some(first) if kind == VULKAN_14 => Some(first),
+        _ => (extension.kind == kind).then_some(0),
+    };
+    EXTENSIONS.iter().enumerate().filter_map(move |(number, e)| Some((number, first(e)?)))
 }
 
 /// The opposite of [`read`].
@@ -263,10 +276,11 @@ unsafe fn write(features: &Features, kind: vk::StructureType, structure: *mut c_
             vk::PhysicalDeviceVulkan12Features::STRUCTURE_TYPE => *structure.cast() = features.v12,
             vk::PhysicalDeviceVulkan13Features::STRUCTURE_TYPE => *structure.cast() = features.v13,
             _ => {
-                if let Some(number) = EXTENSIONS.iter().position(|e| e.kind == kind) {
+                for (number, first) in extended(kind) {
                     let booleans = &raw mut (*structure.cast::<Structure>()).booleans;
                     for n in 0..EXTENSIONS[number].features {
-                        *booleans.cast::<vk::Bool32>().add(n) = features.extended[number][n];
+                        *booleans.cast::<vk::Bool32>().add(first + n) =
+                            features.extended[number][n];
                     }
                 }
                 if let Some(part) = PARTS.iter().find(|part| part.kind == kind) {
@@ -327,8 +341,10 @@ pub(super) unsafe fn keep_enabled(probe: &mut Probe, info: &vk::DeviceCreateInfo
         if names.contains(&ash::khr::sampler_mirror_clamp_to_edge::NAME) {
             enabled.v12.sampler_mirror_clamp_to_edge = vk::TRUE;
         }
+        let has_14 = structures(info).iter().any(|(kind, _)| *kind == VULKAN_14);
         for (booleans, extension) in enabled.extended.iter_mut().zip(&EXTENSIONS) {
-            if extension.offered(&probe.extensions).is_none() {
+            let is_part = has_14 && extension.in_14.is_some();
+            if !is_part && extension.offered(&probe.extensions).is_none() {
                 booleans.fill(vk::FALSE);
             }
         }
@@ -382,6 +398,26 @@ mod tests {
                 assert!(probe.extensions.iter().map(String::as_str).eq(names));
             }
         }
+    }
+
+    /// Vulkan 1.4 allows its own structure beside none of those that it took the features of.
+    #[test]
+    fn features_of_vulkan_1_4_are_added_to_its_structure() {
+        let mut enable = enable(all());
+        let mut of_14 = Structure::new(VULKAN_14);
+        let info = vk::DeviceCreateInfo { p_next: (&raw mut of_14).cast(), ..Default::default() };
+        let mut probe = Probe::default();
+        // SAFETY: the chain is the one structure.
+        let kinds: Vec<_> = unsafe {
+            let info = enable.add_to(info);
+            keep_enabled(&mut probe, &info);
+            structures(&info).into_iter().map(|(kind, _)| kind).collect()
+        };
+        let divisors = EXTENSIONS.iter().find(|e| e.in_14.is_some()).unwrap();
+        assert!(kinds.contains(&VULKAN_14) && !kinds.contains(&divisors.kind), "{kinds:?}");
+        assert_eq!(of_14.booleans[11..13], [vk::TRUE; 2]);
+        assert!(all().iter().all(|feature| feature.is_on(&probe.features)));
+        assert_eq!(of_14.booleans.iter().filter(|b| **b == vk::TRUE).count(), 2);
     }
 
     /// Users' shaders may need features that this library does not: they are found in all structures.

@@ -13,14 +13,19 @@ pub(super) struct Extension {
     pub kind: vk::StructureType,
     /// How many features the structure holds.
     pub features: usize,
+    /// The number of its first feature in the structure of Vulkan 1.4, if they became part of it.
+    pub in_14: Option<usize>,
 }
 
+/// The structure of the features of Vulkan 1.4, which ash does not know yet.
+pub(super) const VULKAN_14: vk::StructureType = vk::StructureType::from_raw(55);
+
 /// Derivatives in compute: quads, then linear groups.
-pub(super) const DERIVATIVES: usize = 0;
+pub(super) const OF_DERIVATIVES: usize = 0;
 /// Divisors of vertex bindings: other than 1, then 0.
-pub(super) const DIVISORS: usize = 1;
+pub(super) const OF_DIVISORS: usize = 1;
 /// Clipping at the depth planes by itself.
-pub(super) const DEPTH_CLIP: usize = 2;
+pub(super) const OF_DEPTH_CLIP: usize = 2;
 
 /// The extensions whose features the engine uses on devices that have them, by the numbers above.
 pub(super) const EXTENSIONS: [Extension; 3] = [
@@ -28,17 +33,20 @@ pub(super) const EXTENSIONS: [Extension; 3] = [
         names: &[c"VK_KHR_compute_shader_derivatives", c"VK_NV_compute_shader_derivatives"],
         kind: vk::StructureType::PHYSICAL_DEVICE_COMPUTE_SHADER_DERIVATIVES_FEATURES_NV,
         features: 2,
+        in_14: None,
     },
     Extension {
         // The older one first: validation layers know it.
         names: &[c"VK_EXT_vertex_attribute_divisor", c"VK_KHR_vertex_attribute_divisor"],
         kind: vk::StructureType::PHYSICAL_DEVICE_VERTEX_ATTRIBUTE_DIVISOR_FEATURES_KHR,
         features: 2,
+        in_14: Some(11),
     },
     Extension {
         names: &[c"VK_EXT_depth_clip_enable"],
         kind: vk::StructureType::PHYSICAL_DEVICE_DEPTH_CLIP_ENABLE_FEATURES_EXT,
         features: 1,
+        in_14: None,
     },
 ];
 

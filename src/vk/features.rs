@@ -45,7 +45,11 @@ macro_rules! named {
     ($name:literal, extended[$extension:ident][$number:literal]) => {
         $crate::vk::features::Feature {
             name: $name,
-            get: |features| features.extended[$crate::vk::extension::$extension][$number],
+            get: |features| {
+                use $crate::vk::extension;
+                const { assert!($number < extension::EXTENSIONS[extension::$extension].features) };
+                features.extended[extension::$extension][$number]
+            },
             set: |features| {
                 features.extended[$crate::vk::extension::$extension][$number] = ash::vk::TRUE;
             },

@@ -55,6 +55,8 @@ pub(crate) fn vk_format(format: Format) -> vk::Format {
         Format::R5g6b5Unorm => F::R5G6B5_UNORM_PACK16,
         Format::A1r5g5b5Unorm => F::A1R5G5B5_UNORM_PACK16,
         Format::D32Float => F::D32_SFLOAT,
+        Format::D16Unorm => F::D16_UNORM,
+        Format::X8D24Unorm => F::X8_D24_UNORM_PACK32,
     }
 }
 

@@ -34,14 +34,14 @@ unsafe impl Sync for Probe {}
 
 /// Derivative instructions in compute.
 pub(super) const COMPUTE_DERIVATIVES: Feature =
-    named!("computeDerivativeGroupLinear", extended[DERIVATIVES][1]);
+    named!("computeDerivativeGroupLinear", extended[OF_DERIVATIVES][1]);
 /// Divisors of vertex bindings in the device's own pipeline.
 pub(super) const DIVISORS: [Feature; 2] = [
-    named!("vertexAttributeInstanceRateDivisor", extended[DIVISORS][0]),
-    named!("vertexAttributeInstanceRateZeroDivisor", extended[DIVISORS][1]),
+    named!("vertexAttributeInstanceRateDivisor", extended[OF_DIVISORS][0]),
+    named!("vertexAttributeInstanceRateZeroDivisor", extended[OF_DIVISORS][1]),
 ];
 /// Clipping at the depth planes as a switch of the device's own pipeline.
-pub(super) const DEPTH_CLIP: Feature = named!("depthClipEnable", extended[DEPTH_CLIP][0]);
+pub(super) const DEPTH_CLIP: Feature = named!("depthClipEnable", extended[OF_DEPTH_CLIP][0]);
 
 /// Something a device must offer.
 pub struct Requirement {
@@ -280,6 +280,12 @@ pub const REQUIREMENTS: &[Requirement] = &[
     },
 ];
 
+/// State of the device's own pipeline.
+const fn of_classic(name: &'static str, features: &'static [Feature]) -> Optional {
+    let why = "this state in the classic executor; compute needs nothing for it";
+    Optional { name, why, features, check: |_| true }
+}
+
 /// The optional features that the engine uses on devices that have them.
 pub const OPTIONAL: &[Optional] = &[
     Optional {
@@ -292,18 +298,6 @@ pub const OPTIONAL: &[Optional] = &[
         name: "VK_KHR_compute_shader_derivatives",
         why: "derivatives by the device's own rule; otherwise by quad operations",
         features: &[COMPUTE_DERIVATIVES],
-        check: |_| true,
-    },
-    Optional {
-        name: "VK_EXT_vertex_attribute_divisor",
-        why: "divisors in the classic executor; compute needs nothing for them",
-        features: &DIVISORS,
-        check: |_| true,
-    },
-    Optional {
-        name: "VK_EXT_depth_clip_enable",
-        why: "clipping at the depth planes in the classic executor; compute needs nothing for it",
-        features: &[DEPTH_CLIP],
         check: |_| true,
     },
     Optional {
@@ -334,6 +328,13 @@ pub const OPTIONAL: &[Optional] = &[
         ],
         check: |_| true,
     },
+    of_classic("VK_EXT_vertex_attribute_divisor", &DIVISORS),
+    of_classic("VK_EXT_depth_clip_enable", &[DEPTH_CLIP]),
+    of_classic("depthClamp", &[named!("depthClamp", core.depth_clamp)]),
+    of_classic("depthBiasClamp", &[named!("depthBiasClamp", core.depth_bias_clamp)]),
+    of_classic("depthBounds", &[named!("depthBounds", core.depth_bounds)]),
+    of_classic("logicOp", &[named!("logicOp", core.logic_op)]),
+    of_classic("independentBlend", &[named!("independentBlend", core.independent_blend)]),
     Optional {
         name: "shaderBufferInt64Atomics",
         why: "depth and primitive in one atomic for tiny triangles; otherwise two 32-bit passes",

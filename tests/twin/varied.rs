@@ -55,7 +55,8 @@ fn loaded(random: &mut Random, mut pass: Pass) -> Pass {
         _ => ([0.0f32, 0.25, 0.5, 1.0][random.below(4)]).to_ne_bytes(),
     };
     let depths = picture(Format::D32Float, &mut depth);
-    pass.depth.as_mut().expect("it has depth").load = LoadOp::Picture(depths);
+    let target = pass.depth.as_mut().expect("it has depth");
+    (target.load, target.format) = (LoadOp::Picture(depths), Format::D32Float);
     pass
 }
 
@@ -64,6 +65,8 @@ fn second(gpu: &Gpu, random: &mut Random, renderer: &mut Renderer, pass: Pass) -
         targets::target(gpu, "color", pass.extent, Format::Rgba8Unorm),
         targets::target(gpu, "depth", pass.extent, Format::D32Float),
     );
+    let mut pass = pass;
+    pass.depth.as_mut().expect("it has depth").format = Format::D32Float;
     let at = random.below(pass.draws.len() + 1);
     let loads = (LoadOp::Load, LoadOp::Load);
     let parts = targets::split(&pass, at, Some(&images), loads);

@@ -192,7 +192,7 @@ fn check_attributes(pipeline: &Pipeline) -> Fault {
             return Err(format!("{place} is in binding {} of {bindings}", attribute.binding));
         };
         if !format.exists() {
-            return Err(format!("{place} is {format:?}; Vulkan has no such format"));
+            return Err(format!("{place} is {format:?}, which is no format of vertices"));
         }
         let align = format.alignment() as u32;
         if attribute.offset >= STRIDE_BYTES {
@@ -200,7 +200,7 @@ fn check_attributes(pipeline: &Pipeline) -> Fault {
         }
         if attribute.offset % align != 0 || binding.stride % align != 0 {
             return Err(format!(
-                "{place} has {align}-byte components at byte {} with stride {}",
+                "{place} is at byte {} with stride {}; both have to be multiples of {align}",
                 attribute.offset, binding.stride
             ));
         }
