@@ -32,6 +32,7 @@ vec3 linear;      // for noperspective ones
 
 #define DECLARE(t) uvec4 color_bits_##t;
 EACH_COLOR(DECLARE)
+uvec4 second_bits; // the second source of blending, which only a single target has
 
 uint tw_resource(const in uint i) {
     return resource_slots[bound_resources + i];
@@ -81,6 +82,9 @@ uvec4 tw_input_flat(const in uint location) {
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
 #define PUT(t) for (uint c = 0u; c < count && location == t; c++) color_bits_##t[component + c] = value[c];
     EACH_COLOR(PUT)
+#if COLORS == 1
+    for (uint c = 0u; c < count && location == SECOND_SOURCE; c++) second_bits[component + c] = value[c];
+#endif
 }
 
 #define DERIVATIVES(T) \
@@ -134,6 +138,7 @@ void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
     tw_HelperInvocation = helper;
 #define RESET(t) color_bits_##t = uvec4(0u);
     EACH_COLOR(RESET)
+    second_bits = uvec4(0u);
     tw_user_main();
 }
 #endif

@@ -70,7 +70,7 @@ void write_color(const uint target, const uint pixel, const uint piece, const ui
         vec4 constants = vec4(0.0);
         if ((state & COLOR_CONSTANTS) != 0u) constants = limited(format, pieces[piece].blend_constants);
         vec4 target_color = color_decode(format, held);
-        value = floatBitsToUint(blend(equations.x, equations.y, source, target_color, constants, has_sign(format)));
+        value = floatBitsToUint(blend(equations.x, equations.y, source, target_color, constants, limited(format, uintBitsToFloat(second_bits)), has_sign(format)));
     }
     uvec4 texel = color_encode(format, value);
     if (is_logic) texel = logic(state, texel, held);

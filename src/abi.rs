@@ -149,6 +149,8 @@ shared_constants! {
     /// [`Triangle::flags`]: first of eight bits, the exponent of the largest depth of its corners if they are adjusted.
     pub const TRIANGLE_EXPONENT_SHIFT: u32 = 16;
 
+    /// The location of an output that is the second source of blending.
+    pub const SECOND_SOURCE: u32 = 256;
     /// Most colour targets.
     pub const MAX_COLORS: u32 = 8;
     /// In the place of the format of a colour target that is not there.

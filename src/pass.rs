@@ -100,6 +100,11 @@ impl Pipeline {
         }
     }
 
+    /// Whether colours are blended with a second source.
+    pub(crate) fn has_second_source(&self) -> bool {
+        self.colors.iter().filter_map(|state| state.blend).any(|blend| blend.has_second())
+    }
+
     /// Whether primitives are clipped at the near and the far plane.
     pub(crate) fn clips_depth(&self) -> bool {
         self.depth_clip.unwrap_or(!self.depth_clamp)

@@ -169,6 +169,14 @@ shared_enum! {
         OneMinusConstantAlpha = 13,
         /// For colours the lesser of source alpha and 1 - destination alpha; for alpha 1.
         SrcAlphaSaturate = 14,
+        /// Colour of the second source: what the fragment shader writes to `layout(location = 0, index = 1)`.
+        Src1Color = 16,
+        /// 1 - colour of the second source.
+        OneMinusSrc1Color = 17,
+        /// Alpha of the second source.
+        Src1Alpha = 18,
+        /// 1 - alpha of the second source.
+        OneMinusSrc1Alpha = 19,
     }
 }
 
@@ -181,6 +189,14 @@ impl BlendFactor {
                 | Self::OneMinusConstantColor
                 | Self::ConstantAlpha
                 | Self::OneMinusConstantAlpha
+        )
+    }
+
+    /// Whether it needs a second source.
+    pub(crate) fn is_second(self) -> bool {
+        matches!(
+            self,
+            Self::Src1Color | Self::OneMinusSrc1Color | Self::Src1Alpha | Self::OneMinusSrc1Alpha
         )
     }
 }
@@ -214,6 +230,8 @@ const _: () = {
     assert!(ConstantColor as u32 == 10 && OneMinusConstantColor as u32 == 11);
     assert!(ConstantAlpha as u32 == 12 && OneMinusConstantAlpha as u32 == 13);
     assert!(SrcAlphaSaturate as u32 == 14);
+    assert!(Src1Color as u32 == 16 && OneMinusSrc1Color as u32 == 17);
+    assert!(Src1Alpha as u32 == 18 && OneMinusSrc1Alpha as u32 == 19);
 };
 
 shared_enum! {
@@ -306,6 +324,11 @@ impl Blend {
     /// Whether an equation needs the draw's constants.
     pub(crate) fn has_constants(&self) -> bool {
         [self.color, self.alpha].iter().any(|e| e.src.is_constant() || e.dst.is_constant())
+    }
+
+    /// Whether an equation needs a second source.
+    pub(crate) fn has_second(&self) -> bool {
+        [self.color, self.alpha].iter().any(|e| e.src.is_second() || e.dst.is_second())
     }
 
     /// The same equation for colour and alpha.

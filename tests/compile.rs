@@ -57,7 +57,8 @@ fn a_pass_finds_its_pipeline_compiled() {
         let blended = |pipeline: Pipeline| pipeline.blend(Blend::ALPHA);
         let equal = |pipeline: Pipeline| pipeline.depth(DepthState::new(Compare::Equal));
         let formats = [None, Some(Format::Rgba16Float)];
-        let kinds: [fn(Pipeline) -> Pipeline; 3] = [|pipeline| pipeline, blended, equal];
+        let clamped = |pipeline: Pipeline| pipeline.depth_clamp(true);
+        let kinds: [fn(Pipeline) -> Pipeline; 4] = [|pipeline| pipeline, blended, equal, clamped];
         let mut factor = 0;
         let mut renderer = compute::Renderer::new(gpu).unwrap();
         for (kind, discards) in kinds.iter().flat_map(|kind| [(kind, false), (kind, true)]) {
@@ -107,6 +108,25 @@ fn a_pass_is_compiled_as_a_whole() {
             drop(compiled);
             pass.pipelines.push(Arc::new(pipeline(REFUSED)));
             assert!(matches!(renderer.compile_pass(&pass), Err(Error::Shader { .. })));
+        }
+    });
+}
+
+/// A batch of pipelines of which one is clamped takes the kernels of adjusted depths for all of them.
+#[test]
+fn a_pass_of_clamped_and_other_pipelines_finds_its_kernels() {
+    on_each_gpu("a pass of clamped and other pipelines finds its kernels", |gpu| {
+        let mut renderer = compute::Renderer::new(gpu).unwrap();
+        let made = |factor| pipeline(&fragment(factor, false)).depth(DepthState::LESS);
+        let mut pass = pass(made(40), Some(Format::Rgba8Srgb), true);
+        pass.pipelines.push(Arc::new(made(41).depth_clamp(true)));
+        pass.draws.push(Draw::new(1, 3));
+        for depth in [Format::D32Float, Format::D16Unorm] {
+            pass.depth.as_mut().unwrap().format = depth;
+            let _compiled = renderer.compile_pass(&pass).unwrap();
+            let before = renderer.cached().pipelines_made;
+            renderer.render(&pass).unwrap();
+            assert_eq!(renderer.cached().pipelines_made, before, "{depth:?}");
         }
     });
 }

@@ -36,6 +36,7 @@ mod replaced;
 mod resource_arrays;
 mod samplers;
 mod scene;
+mod second_source;
 mod setup;
 mod splice;
 mod storage_images;

@@ -52,7 +52,8 @@ pub mod remains {
     }
 }
 
-pub const FACTORS: &[BlendFactor] = BlendFactor::ALL;
+/// All factors but those of a second source, which take another shader.
+pub const FACTORS: &[BlendFactor] = BlendFactor::ALL.split_at(15).0;
 pub const OPS: [BlendOp; 5] =
     [BlendOp::Add, BlendOp::Subtract, BlendOp::ReverseSubtract, BlendOp::Min, BlendOp::Max];
 

@@ -18,22 +18,23 @@ uint blend_op(const uint equation) {
 // Each odd factor is 1 minus the even factor before it (`BlendFactor` of state.rs). The factor is chosen by selections,
 // because drivers for CPUs turn a switch into a dozen branches and compile them all. Factors of a signed normalized target
 // (`has_sign`) are at most 1, those of a float may be anything, and all others are in 0..=1 by themselves.
-vec4 blend_factor(const uint factor, const vec4 source, const vec4 target, const vec4 constants, const bool has_sign) {
+vec4 blend_factor(const uint factor, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
     vec4 even = vec4(factor < BLEND_FACTOR_DST_ALPHA ? source.a : target.a);
     if (factor < BLEND_FACTOR_SRC_ALPHA) even = factor < BLEND_FACTOR_DST_COLOR ? source : target;
     if (factor < BLEND_FACTOR_SRC_COLOR) even = vec4(0.0);
     if (factor >= BLEND_FACTOR_CONSTANT_COLOR) {
         even = factor < BLEND_FACTOR_CONSTANT_ALPHA ? constants : vec4(constants.a);
         if (factor == BLEND_FACTOR_SRC_ALPHA_SATURATE) even = vec4(vec3(min(source.a, 1.0 - target.a)), 1.0);
+        if (factor >= BLEND_FACTOR_SRC1_COLOR) even = factor < BLEND_FACTOR_SRC1_ALPHA ? second : vec4(second.a);
     }
     vec4 rest = has_sign ? min(1.0 - even, 1.0) : 1.0 - even;
     return (factor & 1u) != 0u ? rest : even;
 }
 
-vec4 blend_apply(const uint equation, const vec4 source, const vec4 target, const vec4 constants, const bool has_sign) {
+vec4 blend_apply(const uint equation, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
     uint op = blend_op(equation);
-    vec4 s = source * blend_factor(source_factor(equation), source, target, constants, has_sign);
-    vec4 t = target * blend_factor(target_factor(equation), source, target, constants, has_sign);
+    vec4 s = source * blend_factor(source_factor(equation), source, target, constants, second, has_sign);
+    vec4 t = target * blend_factor(target_factor(equation), source, target, constants, second, has_sign);
     vec4 sum = op == BLEND_OP_ADD ? s + t : (op == BLEND_OP_SUBTRACT ? s - t : t - s);
     vec4 extreme = op == BLEND_OP_MIN ? min(source, target) : max(source, target);
     return op < BLEND_OP_MIN ? sum : extreme;
@@ -53,7 +54,7 @@ bool blend_keeps(const uint color, const uint alpha) {
     return blend_adds(color) && blend_adds(alpha) && source_factor(color) == BLEND_FACTOR_SRC_ALPHA;
 }
 
-vec4 blend(const uint color, const uint alpha, const vec4 source, const vec4 target, const vec4 constants, const bool has_sign) {
+vec4 blend(const uint color, const uint alpha, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
     if (blend_adds(color) && blend_adds(alpha)) {
         float rest = has_sign ? min(1.0 - source.a, 1.0) : 1.0 - source.a;
         float by_color = source_factor(color) == BLEND_FACTOR_SRC_ALPHA ? source.a : 1.0;
@@ -62,7 +63,7 @@ vec4 blend(const uint color, const uint alpha, const vec4 source, const vec4 tar
         float rest_alpha = target_factor(alpha) == BLEND_FACTOR_ONE_MINUS_SRC_ALPHA ? rest : 1.0;
         return vec4(source.rgb * by_color + target.rgb * rest_color, source.a * by_alpha + target.a * rest_alpha);
     }
-    return vec4(blend_apply(color, source, target, constants, has_sign).rgb, blend_apply(alpha, source, target, constants, has_sign).a);
+    return vec4(blend_apply(color, source, target, constants, second, has_sign).rgb, blend_apply(alpha, source, target, constants, second, has_sign).a);
 }
 
 // The bits of `source` and of `target` by the truth table of a `LogicOp`.

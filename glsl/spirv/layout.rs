@@ -64,6 +64,7 @@ const _: () = assert!(abi::TRIANGLE_LEVEL_SHIFT == 4, "TRIANGLE_LEVEL_SHIFT has 
 const _: () = assert!(abi::TRIANGLE_EXTRA_SHIFT == 8, "TRIANGLE_EXTRA_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXTRA_BITS == 4, "TRIANGLE_EXTRA_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXPONENT_SHIFT == 16, "TRIANGLE_EXPONENT_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::SECOND_SOURCE == 256, "SECOND_SOURCE has changed: run `cargo spirv`");
 const _: () = assert!(abi::MAX_COLORS == 8, "MAX_COLORS has changed: run `cargo spirv`");
 const _: () = assert!(abi::NO_FORMAT == 255, "NO_FORMAT has changed: run `cargo spirv`");
 const _: () = assert!(abi::PLANE_PIXELS == 4, "PLANE_PIXELS has changed: run `cargo spirv`");
@@ -179,6 +180,10 @@ const _: () = assert!(state::BlendFactor::OneMinusConstantColor as u32 == 11, "B
 const _: () = assert!(state::BlendFactor::ConstantAlpha as u32 == 12, "BlendFactor::ConstantAlpha has changed: run `cargo spirv`");
 const _: () = assert!(state::BlendFactor::OneMinusConstantAlpha as u32 == 13, "BlendFactor::OneMinusConstantAlpha has changed: run `cargo spirv`");
 const _: () = assert!(state::BlendFactor::SrcAlphaSaturate as u32 == 14, "BlendFactor::SrcAlphaSaturate has changed: run `cargo spirv`");
+const _: () = assert!(state::BlendFactor::Src1Color as u32 == 16, "BlendFactor::Src1Color has changed: run `cargo spirv`");
+const _: () = assert!(state::BlendFactor::OneMinusSrc1Color as u32 == 17, "BlendFactor::OneMinusSrc1Color has changed: run `cargo spirv`");
+const _: () = assert!(state::BlendFactor::Src1Alpha as u32 == 18, "BlendFactor::Src1Alpha has changed: run `cargo spirv`");
+const _: () = assert!(state::BlendFactor::OneMinusSrc1Alpha as u32 == 19, "BlendFactor::OneMinusSrc1Alpha has changed: run `cargo spirv`");
 const _: () = assert!(state::BlendOp::Add as u32 == 0, "BlendOp::Add has changed: run `cargo spirv`");
 const _: () = assert!(state::BlendOp::Subtract as u32 == 1, "BlendOp::Subtract has changed: run `cargo spirv`");
 const _: () = assert!(state::BlendOp::ReverseSubtract as u32 == 2, "BlendOp::ReverseSubtract has changed: run `cargo spirv`");

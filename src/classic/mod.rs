@@ -18,6 +18,7 @@
 //! Preparing and executing are separate, so that a benchmark times the device's work alone.
 
 mod bindings;
+mod blend;
 mod layout;
 mod pipeline;
 mod prepared;

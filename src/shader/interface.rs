@@ -63,15 +63,13 @@ pub(super) fn variable(
     if index.has(id, Decoration::PerVertexKHR) {
         return Err("inputs per vertex (pervertexEXT)".into());
     }
-    if index.literal(id, Decoration::Index).unwrap_or(0) != 0 {
-        return Err("outputs for dual-source blending (index = 1)".into());
-    }
     let mut flatten = Flatten {
         index,
         specialization,
         hollow: HashMap::new(),
         path: Vec::new(),
         leaves: Vec::new(),
+        source: index.literal(id, Decoration::Index).unwrap_or(0),
     };
     let component = index.literal(id, Decoration::Component).unwrap_or(0);
     let interpolation = interpolation(|d| index.has(id, d)).unwrap_or(Interpolation::Smooth);
@@ -101,6 +99,8 @@ struct Flatten<'i, 'm> {
     hollow: HashMap<Word, bool>,
     path: Vec<u32>,
     leaves: Vec<Leaf>,
+    /// The index of an output.
+    source: u32,
 }
 
 impl Flatten<'_, '_> {
@@ -151,7 +151,14 @@ impl Flatten<'_, '_> {
                 }
                 let interpolation =
                     if scalar == Scalar::Float { interpolation } else { Interpolation::Flat };
-                let varying = Varying { location, component, count, scalar, interpolation };
+                let source = self.source;
+                if source > 1 || source == 1 && location != 0 {
+                    return Err(format!(
+                        "an output with location {location} and index {source}: a second source of blending has location 0 and index 1"
+                    ));
+                }
+                let varying =
+                    Varying { location, component, count, scalar, interpolation, index: source };
                 self.leaves.push(Leaf { path: self.path.clone(), ty, varying });
                 Ok(1)
             }

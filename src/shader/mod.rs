@@ -271,6 +271,8 @@ pub struct Varying {
     pub scalar: Scalar,
     /// Fragment inputs: the interpolation; [`Interpolation::Flat`] for integers everywhere.
     pub interpolation: Interpolation,
+    /// Fragment outputs: 1 for the second source of blending (`layout(index = 1)`), 0 for all others.
+    pub index: u32,
 }
 
 /// The resources, inputs and outputs of a shader.

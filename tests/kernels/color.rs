@@ -201,8 +201,8 @@ fn transparent_fragments_leave_texels_alone() {
             vec4 source = saturate(vec4(unpackHalf2x16(v.z), unpackHalf2x16(v.w).x, -0.0));
             r = uvec4(v.x, v.x, blend_keeps(c, a) ? 1u : 0u, 0u);
             if (r.z != 0u) {
-                vec4 unorm = blend(c, a, source, color_decode(FORMAT_RGBA8_UNORM, v.xxxx), constants, false);
-                vec4 srgb = blend(c, a, source, color_decode(FORMAT_RGBA8_SRGB, v.xxxx), constants, false);
+                vec4 unorm = blend(c, a, source, color_decode(FORMAT_RGBA8_UNORM, v.xxxx), constants, vec4(0.0), false);
+                vec4 srgb = blend(c, a, source, color_decode(FORMAT_RGBA8_SRGB, v.xxxx), constants, vec4(0.0), false);
                 r.x = color_encode(FORMAT_RGBA8_UNORM, floatBitsToUint(unorm)).x;
                 r.y = color_encode(FORMAT_RGBA8_SRGB, floatBitsToUint(srgb)).x;
             }";

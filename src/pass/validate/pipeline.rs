@@ -125,10 +125,26 @@ pub(crate) fn check_outputs(
     targets: impl ExactSizeIterator<Item = Format>,
 ) -> Fault {
     let fragment = &pipeline.fragment;
+    if pipeline.has_second_source() {
+        if targets.len() > 1 {
+            return Err(format!(
+                "it blends with a second source, which only a single colour target can; there are {}",
+                targets.len()
+            ));
+        }
+        if !fragment.reflection.outputs.iter().any(|output| output.index == 1) {
+            return Err(format!(
+                "it blends with a second source, and `{}` writes none (`layout(location = 0, index = 1)`)",
+                fragment.label
+            ));
+        }
+    }
     for (n, format) in targets.enumerate() {
         let holds = Scalar::of(format);
         let mut outputs = fragment.reflection.outputs.iter();
-        if let Some(output) = outputs.find(|o| o.location as usize == n && o.scalar != holds) {
+        if let Some(output) =
+            outputs.find(|o| (o.location as usize, o.index) == (n, 0) && o.scalar != holds)
+        {
             return Err(format!(
                 "`{}` writes {} to location {n}; the colour target is {format:?}, for which shaders write {holds}",
                 fragment.label, output.scalar

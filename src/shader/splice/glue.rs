@@ -16,7 +16,7 @@ use super::{
     resources::Span,
 };
 use crate::abi;
-use crate::shader::{Interpolation, Scalar, Stage, interface::Leaf, module::Outcome};
+use crate::shader::{Interpolation, Scalar, Stage, Varying, interface::Leaf, module::Outcome};
 use rspirv::{
     dr::{Block, Instruction, Operand},
     spirv::{BuiltIn, Decoration, Op, StorageClass, Word},
@@ -71,7 +71,7 @@ pub(super) fn write(
     let outputs = || imported.ports.iter().filter(|p| p.output);
     let mut at_location: HashMap<u32, u32> = HashMap::new();
     for leaf in outputs().flat_map(Port::leaves) {
-        *at_location.entry(leaf.varying.location).or_default() += 1;
+        *at_location.entry(place_of(leaf.varying)).or_default() += 1;
     }
     for port in outputs() {
         glue.output(port, &at_location)?;
@@ -252,7 +252,7 @@ impl Glue<'_> {
     fn output(&mut self, port: &Port, at_location: &HashMap<u32, u32>) -> Outcome<()> {
         match &port.kind {
             PortKind::Leaves(leaves) => leaves.iter().try_for_each(|leaf| {
-                let alone = at_location.get(&leaf.varying.location) == Some(&1);
+                let alone = at_location.get(&place_of(leaf.varying)) == Some(&1);
                 self.output_leaf(port.variable, leaf, alone)
             }),
             PortKind::BuiltIn(built_in, source) => {
@@ -325,10 +325,15 @@ impl Glue<'_> {
         let void = code.linker.void();
         let count = if whole { 4 } else { v.count };
         let [location, component, count] =
-            [v.location, v.component, count].map(|n| code.linker.uint_constant(n));
+            [place_of(v), v.component, count].map(|n| code.linker.uint_constant(n));
         code.call(void, hook, &[location, component, count, bits]);
         Ok(())
     }
+}
+
+/// What the kernel calls the location of an output: a second source comes after all colour targets.
+fn place_of(output: Varying) -> u32 {
+    if output.index == 0 { output.location } else { abi::SECOND_SOURCE }
 }
 
 /// Gives the stub a new body and drops names and decorations of the old one.
