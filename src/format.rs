@@ -100,7 +100,7 @@ macro_rules! formats {
 /// The number of a format, which `glsl/lib/color.glsl` takes apart.
 const fn number(numeric: Numeric, packing: Packing, channels: u32) -> u32 {
     assert!((numeric as u32) < 8, "three bits");
-    // No kernel takes the number of a depth format apart, and those differ in three bits of the packing too.
+    // Depth formats keep the lowest three bits of their packing, which tell them apart.
     assert!((packing as u32) < 8 || matches!(numeric, Numeric::Depth), "three bits");
     numeric as u32 | (packing as u32 & 7) << 3 | (channels - 1) << 6
 }
@@ -203,7 +203,7 @@ formats! {
         D32Float = Depth Bits32 1,
         /// One 16-bit unsigned normalized depth.
         D16Unorm = Depth Bits16 1,
-        /// One 24-bit unsigned normalized depth in the lowest bits of a word. The other bits may hold anything.
+        /// One 24-bit unsigned normalized depth in the lowest bits of a word. The other bits of a picture are 0.
         X8D24Unorm = Depth Low24 1,
     }
 }

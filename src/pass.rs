@@ -32,8 +32,8 @@ mod written;
 pub use buffer::{BufferRange, BufferSource};
 pub use indices::IndexRanges;
 pub(crate) use validate::{Known, check_color_targets, check_outputs};
-pub(crate) use vertex::instance_alone;
 pub use vertex::{StepRate, VertexAttribute, VertexBinding};
+pub(crate) use vertex::{instance_alone, pipeline_alone};
 
 /// A shader pair and its fixed-function state.
 #[derive(Clone, Debug)]
@@ -100,9 +100,10 @@ impl Pipeline {
         }
     }
 
-    /// Whether colours are blended with a second source.
-    pub(crate) fn has_second_source(&self) -> bool {
-        self.colors.iter().filter_map(|state| state.blend).any(|blend| blend.has_second())
+    /// Whether one of so many colour targets is blended with a second source.
+    pub(crate) fn has_second_source(&self, targets: usize) -> bool {
+        let mut blends = (0..targets).filter_map(|target| self.color_state(target).blend);
+        self.logic_op.is_none() && blends.any(|blend| blend.has_second())
     }
 
     /// Whether primitives are clipped at the near and the far plane.

@@ -5,7 +5,7 @@ use crate::{
     targets::{target, textures, whole},
 };
 use tilewright::{
-    classic, compute,
+    Error, classic, compute,
     format::Format,
     image::{self, Extent},
     pass::Executor,
@@ -16,10 +16,26 @@ use tilewright::{
 #[test]
 fn images_begin_with_zeros_and_hold_what_is_uploaded() {
     on_each_gpu("images begin with zeros and hold what is uploaded", |gpu| {
-        for format in [Format::Rgba8Srgb, Format::Rgba16Float, Format::D32Float] {
+        for format in [
+            Format::Rgba8Srgb,
+            Format::Rgba16Float,
+            Format::D32Float,
+            Format::D16Unorm,
+            Format::X8D24Unorm,
+        ] {
             let extent = Extent::new(5, 3);
             let info = ImageInfo::new("held", extent, format, ImageUse::Attachment).levels(3);
-            let image = Image::new(gpu, &info).unwrap();
+            let image = match Image::new(gpu, &info) {
+                // SwiftShader has no images of 24 bits.
+                Err(Error::Device(_)) if format == Format::X8D24Unorm => continue,
+                image => image.unwrap(),
+            };
+            // Bits that belong to no channel are 0 in pictures, whatever was uploaded.
+            let held = |bytes: &[u8]| -> Vec<u8> {
+                let is_rest = |n: usize| format == Format::X8D24Unorm && n % 4 == 3;
+                let bytes = bytes.iter().enumerate();
+                bytes.map(|(n, byte)| if is_rest(n) { 0 } else { *byte }).collect()
+            };
             let zeros = image.download(0).unwrap();
             assert_eq!(zeros, image::Picture::zeroed(extent, format));
             let levels: Vec<Vec<u8>> = [15, 2, 1]
@@ -30,16 +46,16 @@ fn images_begin_with_zeros_and_hold_what_is_uploaded() {
                 .into();
             image.upload(&levels).unwrap();
             for (n, level) in levels.iter().enumerate() {
-                assert_eq!(image.download(n as u32).unwrap().bytes, *level, "{format:?} {n}");
+                assert_eq!(image.download(n as u32).unwrap().bytes, held(level), "{format:?} {n}");
             }
             let error = image.download(3).unwrap_err();
             assert!(error.to_string().contains("no level 3"), "{error}");
             // The levels below stay.
             let other: Vec<u8> = levels[0].iter().map(|byte| byte ^ 1).collect();
             image.upload(&[&other]).unwrap();
-            assert_eq!(image.download(0).unwrap().bytes, other, "{format:?}");
+            assert_eq!(image.download(0).unwrap().bytes, held(&other), "{format:?}");
             for (n, level) in levels.iter().enumerate().skip(1) {
-                assert_eq!(image.download(n as u32).unwrap().bytes, *level, "{format:?} {n}");
+                assert_eq!(image.download(n as u32).unwrap().bytes, held(level), "{format:?} {n}");
             }
         }
         let depth = target(gpu, "depth", Extent::new(1, 1), Format::D32Float);

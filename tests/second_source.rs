@@ -12,7 +12,7 @@ use tilewright::{
     image::Extent,
     pass::{BufferRange, Draw, Executor, Pass, Pipeline},
     shader::{Shader, Stage},
-    state::{Blend, BlendEquation, BlendFactor, BlendOp, ColorState, Cull, DepthState, Topology},
+    state::{Blend, BlendEquation, BlendFactor, BlendOp, Cull, DepthState, LogicOp, Topology},
     target::{ColorTarget, LoadOp},
 };
 
@@ -172,9 +172,66 @@ fn a_second_source_needs_one_target_and_a_shader_that_writes_it() {
     let lacking = pipeline(Blend::all(equation)).fragment(twin::shaders().1);
     let lacking = parity::overlapping(&lacking, Format::Rgba8Unorm, 9951);
     refused(&lacking, &["second source", "twin.frag", "index = 1"]);
-    // A shader may write it for nobody.
-    let unused = pipeline(Blend::ALPHA).colors([ColorState::OVERWRITE]);
-    let mut unused = parity::overlapping(&unused, Format::Rgba8Unorm, 9952);
-    unused.colors.push(unused.colors[0].clone());
-    compute::Renderer::new(&gpu).unwrap().render(&unused).unwrap();
+    // Under a logic operation nothing is blended, and states beyond the targets do not count.
+    let logic = two.pipelines[0].as_ref().clone().logic_op(LogicOp::Copy);
+    two.pipelines = vec![Arc::new(logic)];
+    two.validate().unwrap();
+}
+
+/// A shader may write it for nobody: to several targets, and in opaque work.
+#[test]
+fn a_second_source_that_nothing_blends_changes_nothing() {
+    on_each_gpu("a second source that nothing blends changes nothing", |gpu| {
+        let mut compute = compute::Renderer::new(gpu).unwrap();
+        let second = "layout(location = 0, index = 1) out vec4 second;";
+        let alone =
+            FRAGMENT.replace(second, "").replace("second = vec4(1.0 - color.a, color.bgr);", "");
+        assert!(!alone.contains("second"));
+        for (blend, depth) in [(Some(Blend::ALPHA), DepthState::OFF), (None, DepthState::LESS)] {
+            for targets in [1, 2] {
+                let [with, without] = [FRAGMENT, &alone].map(|text| {
+                    let made =
+                        pipeline(Blend::ALPHA).fragment(fragment(text)).blend(blend).depth(depth);
+                    let mut pass = parity::overlapping(&made, Format::Rgba8Unorm, 9953);
+                    pass.colors = vec![pass.colors[0].clone(); targets];
+                    compute.render(&pass).unwrap().colors
+                });
+                assert_eq!(with, without, "{blend:?}, {targets} targets");
+            }
+        }
+    });
+}
+
+/// A second source beyond what the format holds is limited before it is a factor, as the first one is.
+#[test]
+fn a_second_source_is_limited_as_the_format_is() {
+    on_each_gpu("a second source is limited as the format is", |gpu| {
+        let mut compute = compute::Renderer::new(gpu).unwrap();
+        let beyond = fragment(
+            "#version 450
+            layout(location = 0) out vec4 source;
+            layout(location = 0, index = 1) out vec4 second;
+            void main() { source = vec4(0.0); second = vec4(2.0, -3.0, 1.0, -0.5); }",
+        );
+        let equation = |dst| BlendEquation { src: BlendFactor::One, dst, op: BlendOp::Add };
+        for (format, factor, expected) in [
+            (Format::Rgba8Unorm, BlendFactor::Src1Color, [1.0, 0.0, 1.0, 0.0]),
+            (Format::Rgba8Unorm, BlendFactor::OneMinusSrc1Color, [0.0, 1.0, 0.0, 1.0]),
+            (Format::Rgba8Snorm, BlendFactor::Src1Color, [1.0, -1.0, 1.0, -0.5]),
+            (Format::Rgba8Snorm, BlendFactor::OneMinusSrc1Color, [0.0, 1.0, 0.0, 1.0]),
+            (Format::Rgba32Float, BlendFactor::Src1Color, [2.0, -3.0, 1.0, -0.5]),
+        ] {
+            let made = pipeline(Blend::all(equation(factor))).fragment(beyond.clone());
+            let corners = [[-1.0f32, -1.0, 0.5, 1.0], [3.0, -1.0, 0.5, 1.0], [-1.0, 3.0, 0.5, 1.0]];
+            let range = BufferRange::host("corners", bytemuck::cast_slice(&corners).to_vec());
+            let pass = Pass::new("limited", Extent::new(3, 3))
+                .colors([ColorTarget::cleared(format, [1.0; 4])])
+                .pipelines([made])
+                .draws([Draw::new(0, 3).vertex_buffers([range])]);
+            let frame = compute.render(&pass).unwrap();
+            let found = frame.colors[0].values().next().unwrap();
+            let near = found.iter().zip(expected).all(|(a, b): (&f32, f32)| (a - b).abs() < 0.01);
+            assert!(near, "{format:?}, {factor:?}: {found:?}, not {expected:?}");
+        }
+    });
 }

@@ -237,6 +237,7 @@ fn passes_draw_to_layers_and_levels() {
             (Shape::D2Array(3), Format::Rgba16Float),
             (Shape::D3(4), Format::Rgba8Unorm),
             (Shape::D2Array(3), Format::D32Float),
+            (Shape::D2Array(3), Format::D16Unorm),
         ] {
             let extent = Extent::new(20, 20);
             let info = ImageInfo::new("target", extent, format, ImageUse::Attachment);
@@ -257,8 +258,8 @@ fn passes_draw_to_layers_and_levels() {
                         (pass.colors, pass.depth) = (Vec::new(), None);
                         let load = layer % 2 == 0;
                         match format {
-                            Format::D32Float => {
-                                let load = if load { LoadOp::Load } else { LoadOp::Clear(0.5) };
+                            format if format.is_depth() => {
+                                let load = if load { LoadOp::Load } else { LoadOp::Clear(0.25) };
                                 let mut target = DepthTarget::on_device(image, load);
                                 (target.level, target.layer) = (level, layer);
                                 pass.depth = Some(target);

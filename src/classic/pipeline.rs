@@ -156,6 +156,14 @@ fn check_limits(gpu: &Gpu, pipeline: &Pipeline, variant: &Variant) -> Result<()>
         (locations(&fragment.inputs), limits.fragment_inputs, "locations of fragment inputs"),
         (locations(&fragment.outputs), limits.fragment_outputs, "locations of fragment outputs"),
         (variant.colors.len() as u32, limits.colors, "colour targets"),
+        (
+            match pipeline.has_second_source(variant.colors.len()) && limits.second_sources > 0 {
+                true => locations(&fragment.outputs),
+                false => 0,
+            },
+            limits.second_sources,
+            "locations of fragment outputs beside a second source",
+        ),
     ] {
         if used > most {
             return Err(Error::Device(format!(
@@ -334,11 +342,12 @@ fn create(
         }
     }
     let limits = &gpu.0.draw_limits;
+    let has_second = pipeline.has_second_source(variant.colors.len());
     let clips_apart = pipeline.clips_depth() == pipeline.depth_clamp;
     let wanted = [
         (pipeline.logic_op.is_some(), limits.logic_ops, "logic operations (logicOp)"),
         (pipeline.depth.bounds, limits.depth_bounds, "depth bounds test (depthBounds)"),
-        (pipeline.has_second_source(), limits.second_sources, "second source (dualSrcBlend)"),
+        (has_second, limits.second_sources > 0, "second source (dualSrcBlend)"),
         (pipeline.depth_clamp, limits.clamps_depth, "depth clamp (depthClamp)"),
         (
             clips_apart,

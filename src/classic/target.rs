@@ -3,7 +3,7 @@
 use crate::{
     error::Result,
     format::Format,
-    image::{self, Extent},
+    image::{self, Extent, texel::without_rest},
     pass::Pass,
     target::{LoadOp, StoreOp},
     vk::{
@@ -169,7 +169,8 @@ impl Target {
             (Some((copy, host)), StoreOp::Store) => {
                 copy.run()?;
                 let (extent, format) = (self.image.extent(), self.image.format());
-                Ok(Some(image::Picture { extent, format, bytes: host.read()? }))
+                let bytes = without_rest(format, host.read()?);
+                Ok(Some(image::Picture { extent, format, bytes }))
             }
         }
     }

@@ -17,7 +17,7 @@
 use crate::{
     error::{Error, Result},
     format::Format,
-    pass::{Draw, Pass, Pipeline, instance_alone},
+    pass::{Draw, Pass, Pipeline, instance_alone, pipeline_alone},
     prebuilt,
     shader::{Shader, Stage},
     target::{ColorTarget, DepthTarget, StoreOp},
@@ -69,23 +69,17 @@ impl IdPass {
 pub fn id_pass(pass: &Pass) -> Result<IdPass> {
     let pass = &*pass.with_commands_read()?;
     let ranges = ranges(pass)?;
-    // Each instance is a draw of its own, with a pipeline for such draws.
-    let mut alone = pass.pipelines.clone();
-    let mut draws = Vec::with_capacity(ranges.len());
-    for range in &ranges {
-        let (pipeline, draw) = id_draw(pass, range)?;
-        alone[draw.pipeline] = pipeline;
-        draws.push(draw);
-    }
+    let draws = ranges.iter().map(|range| id_draw(pass, range)).collect::<Result<_>>()?;
     let mut shaders = HashMap::new();
     let mut pipelines = Vec::with_capacity(pass.pipelines.len());
-    for pipeline in &alone {
-        let offset = id_offset(pipeline)?;
+    // Each instance is a draw of its own.
+    for pipeline in pass.pipelines.iter().map(pipeline_alone) {
+        let offset = id_offset(&pipeline)?;
         let shader = match shaders.get(&offset) {
             Some(shader) => Arc::clone(shader),
             None => shaders.entry(offset).or_insert(Arc::new(id_shader(offset)?)).clone(),
         };
-        pipelines.push(Arc::new(id_pipeline(pipeline, shader)));
+        pipelines.push(Arc::new(id_pipeline(&pipeline, shader)));
     }
     let mut depth = pass.depth.as_ref().map(DepthTarget::snapshot).transpose()?;
     if let Some(depth) = &mut depth {
@@ -191,7 +185,7 @@ fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
     }
 }
 
-fn id_draw(pass: &Pass, range: &IdRange) -> Result<(Arc<Pipeline>, Draw)> {
+fn id_draw(pass: &Pass, range: &IdRange) -> Result<Draw> {
     let draw = &pass.draws[range.draw];
     let mut push_constants = draw.push_constants.clone();
     push_constants.resize(id_offset(&pass.pipelines[draw.pipeline])?, 0);
@@ -202,8 +196,8 @@ fn id_draw(pass: &Pass, range: &IdRange) -> Result<(Arc<Pipeline>, Draw)> {
             range.draw, draw.instances, draw.first_instance
         ))
     })?;
-    let (pipeline, draw) = instance_alone(&pass.pipelines[draw.pipeline], draw, range.instance);
-    Ok((pipeline, Draw { push_constants, ..draw }))
+    let draw = instance_alone(&pass.pipelines[draw.pipeline], draw, range.instance);
+    Ok(Draw { push_constants, ..draw })
 }
 
 #[cfg(test)]

@@ -240,7 +240,7 @@ impl<T: Copy> Attachment<T> {
         Ok(Self { begin, format, image: image.clone(), subresource, store })
     }
 
-    /// Whether its texels have fewer bytes in its image than in the rows.
+    /// Whether its texels are others in its image than in the rows.
     fn is_narrow(&self) -> bool {
         self.image.is_some() && narrow::is_narrow(self.format)
     }

@@ -23,7 +23,7 @@ use std::{
 pub enum KernelRequest {
     /// Raster with a depth comparison.
     Raster(Compare, Depths),
-    /// Between rows and narrow texels.
+    /// Between the rows of a target and texels that are others in its image.
     Narrow,
     /// Vertex shading.
     Vertex(Arc<KernelKey>),

@@ -118,7 +118,7 @@ impl Renderer {
     /// | file | rule |
     /// |---|---|
     /// | `lib/coverage.glsl` | which pixels a triangle covers |
-    /// | `lib/depth.glsl` | the depth of a triangle at a pixel, and what a depth target keeps of it |
+    /// | `lib/depth.glsl` | the depth of a triangle at a pixel, and what a depth target of floats keeps of it |
     /// | `lib/interpolate.glsl` | the value of a varying at a pixel |
     /// | `lib/blend.glsl` | the blend equations |
     /// | `lib/color.glsl` | the texels of colour targets |

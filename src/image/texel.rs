@@ -146,6 +146,16 @@ fn depth_of_number(format: Format, number: u32) -> f32 {
     }
 }
 
+/// Bytes of texels that a device left, with 0 in the bits that belong to no channel: Vulkan does not say what they hold.
+pub(crate) fn without_rest(format: Format, mut bytes: Vec<u8>) -> Vec<u8> {
+    if format == Format::X8D24Unorm {
+        for texel in bytes.as_chunks_mut::<4>().0 {
+            *texel = (u32::from_ne_bytes(*texel) & 0xff_ffff).to_ne_bytes();
+        }
+    }
+    bytes
+}
+
 /// The depth nearest to `depth`, which is in 0..=1, that a target of `format` holds.
 pub(crate) fn kept_depth(format: Format, depth: f32) -> f32 {
     depth_of_number(format, depth_number(format, depth))

@@ -1,7 +1,8 @@
 //! Draw commands in buffers: whether they are valid, and what they draw.
 
 use super::{
-    Draw, IndexedIndirectCommand, Indirect, IndirectCommand, Pass, instance_alone, validate::Fault,
+    Draw, IndexedIndirectCommand, Indirect, IndirectCommand, Pass, instance_alone, pipeline_alone,
+    validate::Fault,
 };
 use crate::error::Result;
 use std::{borrow::Cow, sync::Arc};
@@ -128,11 +129,12 @@ fn read(pass: &mut Pass, draw: &Draw, indirect: &Indirect) -> Result<()> {
         left -= whole * of_one + part;
         pass.draws.push(Draw { instances: whole, ..one.clone() });
         if part > 0 {
-            let (pipeline, last) = instance_alone(&pass.pipelines[draw.pipeline], &one, whole);
+            let pipeline = pass.pipelines[draw.pipeline].clone();
+            let (last, alone) = (instance_alone(&pipeline, &one, whole), pipeline_alone(&pipeline));
             let mut number = draw.pipeline;
-            if !Arc::ptr_eq(&pipeline, &pass.pipelines[number]) {
+            if !Arc::ptr_eq(&pipeline, &alone) {
                 number = pass.pipelines.len();
-                pass.pipelines.push(pipeline);
+                pass.pipelines.push(alone);
             }
             pass.draws.push(Draw { count: topology.elements(part), pipeline: number, ..last });
         }

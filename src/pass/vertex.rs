@@ -69,33 +69,40 @@ impl VertexAttribute {
     }
 }
 
-/// A pipeline and the draw of the instance number `n` of `draw` alone, as a draw of its own: a binding that several instances
+fn is_divided(binding: &VertexBinding) -> bool {
+    matches!(binding.rate, StepRate::Instances(_))
+}
+
+/// The pipeline for draws of [`instance_alone`].
+pub(crate) fn pipeline_alone(pipeline: &Arc<Pipeline>) -> Arc<Pipeline> {
+    if !pipeline.vertex_bindings.iter().any(is_divided) {
+        return pipeline.clone();
+    }
+    let mut alone = Pipeline::clone(pipeline);
+    for binding in alone.vertex_bindings.iter_mut().filter(|binding| is_divided(binding)) {
+        *binding = VertexBinding { stride: 0, rate: StepRate::Instance };
+    }
+    Arc::new(alone)
+}
+
+/// The draw of the instance number `n` of `draw` alone, as a draw of its own: a binding of `pipeline` that several instances
 /// share has one element there, since Vulkan counts instances from the first of a draw.
-pub(crate) fn instance_alone(
-    pipeline: &Arc<Pipeline>,
-    draw: &Draw,
-    n: u32,
-) -> (Arc<Pipeline>, Draw) {
+pub(crate) fn instance_alone(pipeline: &Pipeline, draw: &Draw, n: u32) -> Draw {
     let first_instance = draw.first_instance.wrapping_add(n);
     let mut alone = Draw { instances: 1, first_instance, ..draw.clone() };
-    let is_divided = |binding: &VertexBinding| matches!(binding.rate, StepRate::Instances(_));
-    if !pipeline.vertex_bindings.iter().any(is_divided) {
-        return (pipeline.clone(), alone);
-    }
-    let mut of_one = Pipeline::clone(pipeline);
-    let ranges = alone.vertex_buffers.iter_mut();
-    for (number, (binding, range)) in of_one.vertex_bindings.iter_mut().zip(ranges).enumerate() {
+    let ranges = pipeline.vertex_bindings.iter().zip(&mut alone.vertex_buffers);
+    for (number, (binding, range)) in ranges.enumerate() {
         let StepRate::Instances(divisor) = binding.rate else { continue };
         let attributes = pipeline.vertex_attributes.iter();
         let ends = attributes.filter(|a| a.binding as usize == number);
         let end = ends.map(|a| a.offset as usize + a.format.bytes()).max().unwrap_or(0);
-        // As executors do, it keeps to the last element of the range.
+        // No attribute begins beyond the range, whatever a command says.
         let stride = binding.stride as usize;
         let last = range.bytes.saturating_sub(end).checked_div(stride).unwrap_or(0);
         let element = draw.first_instance as usize + n.checked_div(divisor).unwrap_or(0) as usize;
-        range.offset += element.min(last) * stride;
-        range.bytes -= element.min(last) * stride;
-        *binding = VertexBinding { stride: 0, rate: StepRate::Instance };
+        let skipped = element.min(last) * stride;
+        range.offset = range.offset.saturating_add(skipped);
+        range.bytes -= skipped;
     }
-    (Arc::new(of_one), alone)
+    alone
 }

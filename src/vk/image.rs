@@ -10,7 +10,7 @@ use super::{
 use crate::{
     error::Result,
     format::Format,
-    image::{self, Extent, Shape},
+    image::{self, Extent, Shape, texel::without_rest},
 };
 use std::sync::Arc;
 
@@ -107,7 +107,8 @@ impl Image {
         recorder.submit()?;
         let Extent { width, height } = self.extent().level(level);
         let extent = Extent::new(width, height * self.shape().pictures(level));
-        Ok(image::Picture { extent, format: self.format(), bytes: copy.read()? })
+        let format = self.format();
+        Ok(image::Picture { extent, format, bytes: without_rest(format, copy.read()?) })
     }
 
     /// The present content of one layer or slice of mip level `level`.
@@ -123,7 +124,7 @@ impl Image {
         let subresource = Subresource { level, layer };
         recorder.copy_from_image(self, subresource, 0..extent.height, &copy)?;
         recorder.submit()?;
-        Ok(image::Picture { extent, format, bytes: copy.read()? })
+        Ok(image::Picture { extent, format, bytes: without_rest(format, copy.read()?) })
     }
 
     /// Replaces the content of levels, from the largest down, and waits. [`Recorder::upload_image`] does not wait, and says

@@ -59,8 +59,8 @@ pub(crate) struct DrawLimits {
     pub independent_blend: bool,
     /// Whether a depth bias may have a clamp.
     pub clamps_depth_bias: bool,
-    /// Whether blending takes a second source.
-    pub second_sources: bool,
+    /// Locations of fragment outputs where blending takes a second source; 0 if it takes none.
+    pub second_sources: u32,
     /// Whether depths are clamped.
     pub clamps_depth: bool,
     /// Whether it has logic operations, and the depth bounds test.
@@ -94,7 +94,10 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         independent_blend: probe.features.core.independent_blend == vk::TRUE,
         depth_bounds: probe.features.core.depth_bounds == vk::TRUE,
         logic_ops: probe.features.core.logic_op == vk::TRUE,
-        second_sources: probe.features.core.dual_src_blend == vk::TRUE,
+        second_sources: match probe.features.core.dual_src_blend == vk::TRUE {
+            true => l.max_fragment_dual_src_attachments,
+            false => 0,
+        },
         clamps_depth: probe.features.core.depth_clamp == vk::TRUE,
         clamps_depth_bias: probe.features.core.depth_bias_clamp == vk::TRUE,
         divisor: match DIVISORS.iter().all(|feature| feature.is_on(&probe.features)) {

@@ -6,7 +6,10 @@ use super::{
     owner::same_device,
     recorder::Recorder,
 };
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    format::Format,
+};
 use ash::vk;
 use bytemuck::Pod;
 use std::ops::Range;
@@ -128,7 +131,9 @@ impl Recorder {
             )));
         }
         raw.check_copied(false, true)?;
-        let total = levels.iter().map(|level| level.as_ref().len()).sum();
+        // Vulkan wants each level of depths at a multiple of four bytes.
+        let room = |bytes: usize| bytes.next_multiple_of(4);
+        let total = levels.iter().map(|level| room(level.as_ref().len())).sum();
         let name = format!("upload of {}", raw.name);
         let staging = Buffer::<u8>::new(&self.gpu, &name, total, Memory::Mapped)?;
         let (mut regions, mut at) = (Vec::new(), 0);
@@ -146,7 +151,7 @@ impl Recorder {
             check_depths(image, level)?;
             // SAFETY: nobody else has the buffer yet.
             unsafe { staging.write_out_of_turn(at, level)? };
-            at += bytes;
+            at += room(bytes);
             regions.push(region);
         }
         let before = match levels.len() == raw.levels as usize {
@@ -380,7 +385,8 @@ impl Recorder {
 
 /// Refuses depths that Vulkan lets no copy write into `image`.
 fn check_depths(image: &Image, level: &[u8]) -> Result<()> {
-    if !image.format().is_depth() {
+    // Depths of fewer bits are numbers, which are in 0..=1 whatever their bits are.
+    if image.format() != Format::D32Float {
         return Ok(());
     }
     let depths = level.chunks_exact(4).map(bytemuck::pod_read_unaligned::<f32>);

@@ -6,7 +6,7 @@ use crate::{
     error::{Error, Result},
     format::Format,
     pass::Pipeline,
-    shader::{Resource, Scalar, Shader, Stage},
+    shader::{Resource, Scalar, Shader, Stage, Varying},
 };
 use std::collections::HashSet;
 
@@ -125,7 +125,8 @@ pub(crate) fn check_outputs(
     targets: impl ExactSizeIterator<Item = Format>,
 ) -> Fault {
     let fragment = &pipeline.fragment;
-    if pipeline.has_second_source() {
+    let has_second = pipeline.has_second_source(targets.len());
+    if has_second {
         if targets.len() > 1 {
             return Err(format!(
                 "it blends with a second source, which only a single colour target can; there are {}",
@@ -142,9 +143,8 @@ pub(crate) fn check_outputs(
     for (n, format) in targets.enumerate() {
         let holds = Scalar::of(format);
         let mut outputs = fragment.reflection.outputs.iter();
-        if let Some(output) =
-            outputs.find(|o| (o.location as usize, o.index) == (n, 0) && o.scalar != holds)
-        {
+        let counts = |o: &Varying| o.location as usize == n && (o.index == 0 || has_second);
+        if let Some(output) = outputs.find(|o| counts(o) && o.scalar != holds) {
             return Err(format!(
                 "`{}` writes {} to location {n}; the colour target is {format:?}, for which shaders write {holds}",
                 fragment.label, output.scalar
