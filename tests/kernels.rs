@@ -259,7 +259,13 @@ fn patches_are_left_out_where_an_edge_has_them_outside() {
             r.x = patches_touched(at, dx, dy, corners.xy, corners.zw);
             r.yzw = uvec3(1u << PATCH_X_LOG2, 1u << PATCH_Y_LOG2, COLUMNS);";
         for lanes in [4, 8, 16, 32, 64, 128] {
-            let steps = ["lib/exact.glsl", "lib/depth.glsl", "lib/patch.glsl", "lib/block.glsl"];
+            let steps = [
+                "lib/exact.glsl",
+                "lib/depth_format.glsl",
+                "lib/depth.glsl",
+                "lib/patch.glsl",
+                "lib/block.glsl",
+            ];
             let outputs: Vec<[u32; 4]> = probe_as_if(lanes, gpu, &steps, body, &inputs);
             for (input, [patches, width, height, columns]) in inputs.iter().zip(outputs) {
                 assert_eq!(width * height, lanes);

@@ -257,7 +257,7 @@ fn vertices_and_indices() {
         p.pipeline.vertex_bindings[0].rate = StepRate::Instance;
         (p.draw.first_instance, p.draw.instances) = (2, 2);
     });
-    refused(&["byte 2", "4-byte"], |p| {
+    refused(&["byte 2", "multiple of 4"], |p| {
         p.draw.vertex_buffers =
             vec![BufferRange { buffer: zeros("vertices", 64), offset: 2, bytes: 48 }];
     });
