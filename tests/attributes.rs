@@ -17,7 +17,6 @@ use tilewright::{
     shader::{Shader, Stage},
     state::DepthState,
     target::{ColorTarget, DepthTarget},
-    vk::Gpu,
 };
 
 /// Cells of the target, one for each instance, and pixels of a cell's edge.
@@ -141,14 +140,15 @@ fn check(frame: &Frame, what: &str) {
     }
 }
 
-fn both(gpu: &Gpu, apart: usize, depth: DepthState, primitives: u32) {
+type Both = (compute::Renderer, Option<classic::Renderer>);
+
+fn both((compute, classic): &mut Both, apart: usize, depth: DepthState, primitives: u32) {
     let pass = pass(apart, depth);
-    let mut compute = compute::Renderer::new(gpu).unwrap();
     compute.set_batch_limit(Capacities { primitives, ..Capacities::DEFAULT });
     let what = format!("corners {apart} apart, batches of {primitives}, {depth:?}");
     check(&compute.render(&pass).unwrap(), &format!("compute, {what}"));
-    if gpu.has_graphics() {
-        check(&classic::Renderer::new(gpu).unwrap().render(&pass).unwrap(), &what);
+    if let Some(classic) = classic {
+        check(&classic.render(&pass).unwrap(), &what);
     }
 }
 
@@ -157,10 +157,12 @@ fn both(gpu: &Gpu, apart: usize, depth: DepthState, primitives: u32) {
 #[test]
 fn attributes_per_instance_and_constant_ones_reach_every_vertex() {
     on_each_gpu("attributes per instance and constant ones reach every vertex", |gpu| {
+        let classic = gpu.has_graphics().then(|| classic::Renderer::new(gpu).unwrap());
+        let executors = &mut (compute::Renderer::new(gpu).unwrap(), classic);
         for apart in [1, 50] {
             for primitives in [5, 64, Capacities::DEFAULT.primitives] {
-                both(gpu, apart, DepthState::OFF, primitives);
-                both(gpu, apart, DepthState::LESS, primitives);
+                both(executors, apart, DepthState::OFF, primitives);
+                both(executors, apart, DepthState::LESS, primitives);
             }
         }
     });
