@@ -34,8 +34,7 @@ vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c) {
 // What is added to the depths of a triangle (Vulkan 1.3, "Depth Bias"), from the constant factor, the slope factor and
 // the clamp: `gradient` is the change of depth per pixel, `exponent` that of the largest depth of the corners, as its bits
 // are. The least step of depth is that of the target or, of floats, a unit in the last place of the largest depth; it is no
-// denormal. A bias of 2^60 moves every depth
-// out of its limits, as a larger one would.
+// denormal. A bias of 2^60 moves every depth out of its limits, as a larger one would.
 float bias_of(const vec3 bias, const vec2 gradient, const uint exponent) {
     float step = uintBitsToFloat((max(exponent, 24u) - 23u) << 23);
     if (DEPTH_BITS == 16u) step = 1.0 / 65535.0;
@@ -50,7 +49,7 @@ float bias_of(const vec3 bias, const vec2 gradient, const uint exponent) {
 // What is done to the depths of a triangle that is not adjusted.
 const vec3 NO_ADJUSTMENT = vec3(0.0, 0.0, 1.0);
 
-// The depth `d` in the limits of an adjustment. No number becomes the least depth.
+// The depth `d`, brought into the limits of an adjustment. Not-a-number becomes the least depth.
 float limited_depth(const float d, const vec3 adjustment) {
     return d > adjustment.y ? (d < adjustment.z ? d : adjustment.z) : adjustment.y;
 }

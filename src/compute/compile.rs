@@ -135,6 +135,7 @@ fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
                 }
             }
         }
+        // No draw uses it.
         if !plain && !adjusts {
             all.extend(wanted((pipeline, pipeline.adjusts_depths()), &colors, depth)?);
         }
