@@ -28,12 +28,20 @@ struct Batch {
     uint fragment_kernels;
     uint traced;
     uint followed;
+    int reach;
 };
 
 struct Clear {
     uvec4 texels;
     uint count;
     uint first;
+};
+
+struct Resolve {
+    uint pixels;
+    uint first_sample;
+    uint first_texel;
+    uint to_samples;
 };
 
 struct Narrow {
@@ -88,7 +96,7 @@ struct Piece {
     uint draw_id;
     uint front_face;
     uint cut;
-    uint depth_state;
+    uint fragment_state;
     ivec2 rect_min;
     ivec2 rect_max;
     uint color_states[MAX_COLORS];
@@ -129,7 +137,7 @@ struct QuadPiece {
     uvec4 elements; // topology, first_element, index_slot, index_bytes
     uvec4 indices;  // base_vertex, first_instance, vertex_mode, vertex_min
     uvec4 stage;    // vertices_per_instance, instance_min, attribute_base, vertex_resources
-    uint draw_id, front_face, cut, depth_state;
+    uint draw_id, front_face, cut, fragment_state;
     ivec2 rect_min, rect_max;
     uvec4 colors[MAX_COLORS / 4u]; // color_states
     vec3 depth_bias;

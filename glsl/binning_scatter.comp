@@ -32,7 +32,7 @@ void scatter(const uint key) {
     ivec3 x = ivec3(x_low.xyz), y = ivec3(y_high.xyz);
     for (uint row = range.y; row <= range.w; row++) {
         for (uint column = range.x; column <= range.z; column++) {
-            if (!cell_lists(x, y, level, range, uvec2(column, row), batch.origin_y)) continue;
+            if (!cell_lists(x, y, level, range, uvec2(column, row), batch.origin_y, batch.reach)) continue;
             uint cell = batch.cell_first[level] + row * batch.cell_columns[level] + column;
             entries[atomicAdd(cell_ends[cell], 1u)] = key;
         }

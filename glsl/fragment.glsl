@@ -17,10 +17,17 @@ bool tw_FrontFacing;
 int tw_PrimitiveID;
 float tw_FragDepth;
 bool tw_HelperInvocation;
+int tw_SampleID;
+vec2 tw_SamplePosition;
+uint tw_SampleMaskIn, tw_SampleMask; // a bit for each sample
 
-float surface_depth; // of the triangle at the pixel, as the target keeps it
-vec3 perspective; // barycentric weights for smooth varyings
-vec3 linear;      // for noperspective ones
+// Whether the shader runs for each sample that is covered, at its place, or once for all samples of a pixel.
+layout(constant_id = SPEC_PER_SAMPLE) const bool PER_SAMPLE = false;
+
+float surface_depth; // of the triangle where the shader runs, as the target keeps it
+vec3 perspective;    // barycentric weights for smooth varyings
+vec3 linear;         // for noperspective ones
+vec2 inner_place;      // a place that the triangle covers, in pixels from the centre of pixel (0, 0)
 // A statement for each output location, by its number. It is written out, and the file is compiled for one colour target
 // and for all of them (COLORS): drivers take their time for code of targets that are not there.
 #if COLORS == 1
@@ -74,6 +81,28 @@ vec4 tw_input_noperspective(const in uint location) {
     return input_at(linear, location);
 }
 
+// Sets the weights of the corners of `triangle` at `place`, with perspective and without. Returns w, scaled as the corners are.
+float weigh(const Bound triangle, const vec2 place, out vec3 with, out vec3 without) {
+    vec2 ndc = (place + 0.5 - viewport_offset) / viewport_scale;
+    with = perspective_weights(triangle.x, triangle.y, triangle.w, ndc);
+    float w = interpolate(with, triangle.w);
+    without = w != 0.0 ? with * triangle.w / w : vec3(1.0, 0.0, 0.0);
+    return w;
+}
+
+// As the two above, at a place that the triangle covers.
+vec4 tw_input_smooth_centroid(const in uint location) {
+    vec3 with = perspective, without;
+    if (SAMPLES > 1u) weigh(bound, inner_place, with, without);
+    return input_at(with, location);
+}
+
+vec4 tw_input_noperspective_centroid(const in uint location) {
+    vec3 with, without = linear;
+    if (SAMPLES > 1u) weigh(bound, inner_place, with, without);
+    return input_at(without, location);
+}
+
 uvec4 tw_input_flat(const in uint location) {
     uint even = location & ~1u;
     return input_words(location, provoking[even], provoking[even + 1u]);
@@ -112,6 +141,7 @@ void tw_user_bind_inputs() {
 
 void tw_user_main() {
     vec4 v = tw_input_smooth(0u) + tw_input_noperspective(1u) + uintBitsToFloat(tw_input_flat(0u));
+    v += tw_input_smooth_centroid(0u) + tw_input_noperspective_centroid(1u);
     v += tw_ddx(v) + tw_ddy(v);
     v.xyz += tw_ddx(v.xyz) + tw_ddy(v.xyz);
     v.xy += tw_ddx(v.xy) + tw_ddy(v.xy);
@@ -120,25 +150,32 @@ void tw_user_main() {
 }
 
 // Runs the shader at the target's pixel `pixel` for `triangle`, which has to be the bound one. All four lanes
-// of a quad call this together. `helper` lanes take part in derivatives only.
-void shade(const Bound triangle, const ivec2 pixel, const bool helper) {
-    vec2 ndc = (vec2(pixel) + 0.5 - viewport_offset) / viewport_scale;
-    perspective = perspective_weights(triangle.x, triangle.y, triangle.w, ndc);
-    float depth_w = interpolate(perspective, triangle.w);
-    linear = depth_w != 0.0 ? perspective * triangle.w / depth_w : vec3(1.0, 0.0, 0.0);
+// of a quad call this together. `mask` has a bit for each sample of the pixel that is covered. A lane without any is a
+// helper, which takes part in derivatives only. PER_SAMPLE, the shader runs for sample `s`, the only one of the mask.
+// Returns the bits of the samples that the shader keeps.
+uint shade(const Bound triangle, const ivec2 pixel, const uint mask, const uint s) {
+    vec2 place = PER_SAMPLE ? sample_place(pixel, s) : vec2(pixel);
+    float depth_w = weigh(triangle, place, perspective, linear);
+    inner_place = place;
+    if (SAMPLES > 1u && mask != 0u && mask != ALL_SAMPLES) inner_place = sample_place(pixel, uint(findLSB(mask)));
 
-    surface_depth = depth_at(triangle.plane, triangle.adjustment, pixel);
-    float z = surface_depth, free = free_depth_at(triangle.plane, triangle.adjustment, pixel);
+    surface_depth = depth_at(triangle.plane, triangle.adjustment, place);
+    float z = surface_depth, free = free_depth_at(triangle.plane, triangle.adjustment, place);
     if (DEPTH_BITS != 0u) z = kept_depth(free);
     if (ADJUSTED && (triangle.flags & TRIANGLE_ADJUSTED) != 0u) z = free;
-    tw_FragCoord = vec4(vec2(pixel) + 0.5, z, depth_w != 0.0 ? triangle.scale / depth_w : 0.0);
+    tw_FragCoord = vec4(place + 0.5, z, depth_w != 0.0 ? triangle.scale / depth_w : 0.0);
     tw_FragDepth = z;
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;
     tw_PrimitiveID = int((first_in_draw + (triangle.key >> KEY_LOG2) - 1u) % primitives_per_instance);
-    tw_HelperInvocation = helper;
+    tw_HelperInvocation = mask == 0u;
+    tw_SampleID = int(s);
+    tw_SamplePosition = vec2(sample_offset(s) + 8) / 16.0;
+    tw_SampleMaskIn = mask;
+    tw_SampleMask = 0xffffffffu;
 #define RESET(t) color_bits_##t = uvec4(0u);
     EACH_COLOR(RESET)
     second_bits = uvec4(0u);
     tw_user_main();
+    return tw_HelperInvocation ? 0u : mask & tw_SampleMask;
 }
 #endif

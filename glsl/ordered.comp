@@ -10,8 +10,8 @@
 //
 // Each workgroup is one subgroup and draws one bin. It merges the four sorted lists of the bin's cells and
 // takes one triangle at a time. It first tests all pixels under the triangle's box, then runs the shader
-// in each quad in which a pixel passed; nothing has to be fetched between two quads. Colour and depth stay
-// in memory, and only one lane touches each pixel. `docs/tried.md` lists the alternatives that were tried.
+// in each quad in which a pixel passed; nothing has to be fetched between two quads. Of several samples of a
+// pixel, it tests once more which of them passed. Colour and depth stay in memory, and only one lane touches each pixel. `docs/tried.md` lists the alternatives that were tried.
 #version 460
 
 layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
@@ -19,7 +19,6 @@ layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 #include "fragment.glsl"
 #include "lib/cells.glsl"
 #include "lib/coverage.glsl"
-#include "lib/blend.glsl"
 #include "lib/patch.glsl"
 
 layout(constant_id = SPEC_DEPTH) const uint DEPTH = DEPTH_EARLY_TEST;
@@ -31,54 +30,29 @@ layout(scalar, binding = 8) buffer Depth { float depth[]; };
 layout(scalar, binding = 9) writeonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 10) buffer Color { uint color[]; };
 layout(scalar, binding = 11) writeonly buffer BinBounds { vec2 bin_bounds[]; };
-#include "targets.glsl"
+#include "merge.glsl"
 
 // A patch has as many pixels as a subgroup has lanes. A lane keeps one bit for each patch of the bin, row by
 // row. A narrow subgroup has more patches than a word has bits, so it takes the bin in parts.
 const uint COLUMNS_LOG2 = BIN_SIZE_LOG2 - PATCH_X_LOG2;
 const uint PARTS = SUBGROUP_WIDTH < 8u ? 2u : 1u;
 const uint ROWS = (1u << (BIN_SIZE_LOG2 - PATCH_Y_LOG2)) / PARTS;
+const bool EARLY = DEPTH == DEPTH_EARLY || DEPTH == DEPTH_EARLY_TEST;
 
-// A comparison is a sum of COMPARE_LESS, COMPARE_EQUAL and COMPARE_GREATER: the cases that pass. No depth is NaN.
-bool compare(const uint operation, const float a, const float b) {
-    return (operation & ((a < b ? COMPARE_LESS : 0u) | (a == b ? COMPARE_EQUAL : 0u) | (a > b ? COMPARE_GREATER : 0u))) != 0u;
+// Records for a trace that the samples `mask` of pixel `i` of the bin show the triangle of `key`.
+void show(const uint mask, const uint bin, const uint i, const uint key) {
+    for (uint s = 0u; s < SAMPLES; s++) {
+        if ((mask >> s & 1u) != 0u) visibility[(bin * BIN_QUADS + (i >> 2)) * SAMPLES + s][i & 3u] = key;
+    }
 }
 
-// Whether a fragment of depth `z` passes the tests where the target holds `held`. `state` is the piece's, `bounds` are the
-// bounds of a depth bounds test.
-bool passes(const uint state, const float z, const float held, const vec2 bounds) {
-    bool inside = (state & DEPTH_STATE_BOUNDS) == 0u || (held >= bounds.x && held <= bounds.y);
-    return inside && ((state & DEPTH_STATE_TEST) == 0u || compare(state >> DEPTH_STATE_COMPARE_SHIFT, z, held));
-}
-
-// Writes the colour of a target, `bits`; `state` is what the piece has of the target's state.
-void write_color(const uint target, const uint pixel, const uint piece, const uint state, const uvec4 bits) {
-    uint format = format_of(target), words = color_words(format), mask = state >> COLOR_MASK_SHIFT, at = color_place(target, pixel);
-    if (mask == 0u) return;
-    bool blends = (state & COLOR_BLENDS) != 0u, is_logic = !blends && (state & COLOR_LOGIC) != 0u;
-    uvec4 value = bits, held = uvec4(0u);
-    if (blends || is_logic || mask != 15u) {
-        held.x = color[at];
-        if (words > 1u) held.y = color[at + 1u];
-        if (words > 2u) held.zw = uvec2(color[at + 2u], color[at + 3u]);
+// A bit for each sample of `pixel` that the triangle covers. Its edges are `at` the centre.
+uint covered_samples(const Edges edges, const ivec3 at, const ivec2 pixel) {
+    uint mask = 0u;
+    for (uint s = 0u; s < SAMPLES; s++) {
+        mask |= covered(edges_at(Edges(at, edges.dx, edges.dy, edges.rest), sample_offset(s)), pixel) ? 1u << s : 0u;
     }
-    if (blends) {
-        uvec2 equations = uvec2(state, state >> COLOR_ALPHA_SHIFT) & ((1u << BLEND_BITS) - 1u);
-        vec4 source = limited(format, uintBitsToFloat(bits));
-        // In real scenes, large parts of leaves, fences and glass are fully transparent. An infinite colour is not.
-        if (numeric_of(format) != NUMERIC_FLOAT && source.a == 0.0 && blend_keeps(equations.x, equations.y)) return;
-        vec4 constants = vec4(0.0);
-        if ((state & COLOR_CONSTANTS) != 0u) constants = limited(format, pieces[piece].blend_constants);
-        vec4 target_color = color_decode(format, held);
-        value = floatBitsToUint(blend(equations.x, equations.y, source, target_color, constants, limited(format, uintBitsToFloat(second_bits)), has_sign(format)));
-    }
-    uvec4 texel = color_encode(format, value);
-    if (is_logic) texel = logic(state, texel, held);
-    if (mask != 15u) {
-        uvec4 written = channel_bits(format, mask);
-        texel = (texel & written) | (held & ~written);
-    }
-    store_color(target, pixel, texel);
+    return mask;
 }
 
 void draw(const uint key, const uint bin, const ivec2 local_origin) {
@@ -92,22 +66,24 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
     // A coarse cell lists triangles that miss some of its bins.
     if (any(lessThan(high, ivec2(0))) || any(greaterThan(low, BIN_LAST))) return;
-    Edges edges = edges_from(ivec3(x_low.xyz), ivec3(y_high.xyz), origin, 0u);
-    ivec3 least = edges.at + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
+    Edges edges = edges_from(ivec3(x_low.xyz), ivec3(y_high.xyz), origin << SUBPIXEL_BITS, 0u);
+    ivec3 least = edges.at - edges_reach(edges.dx, edges.dy) + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
     bool covers = COVERS_WHOLE_BINS && (least.x | least.y | least.z) >= 0 && all(lessThanEqual(low, ivec2(0))) && all(greaterThanEqual(high, BIN_LAST));
     uvec2 own_shading = triangles[t].shading[QUAD_LANE];
     uvec4 depth_piece = of_first_half(own_shading);
     uint piece = depth_piece.w;
     vec3 z_plane = uintBitsToFloat(depth_piece.xyz);
-    uint depth_state = pieces[piece].depth_state;
-    bool test = (depth_state & (DEPTH_STATE_TEST | DEPTH_STATE_BOUNDS)) != 0u, write = (depth_state & DEPTH_STATE_WRITE) != 0u;
+    uint state = pieces[piece].fragment_state;
+    bool test = (state & (DEPTH_STATE_TEST | DEPTH_STATE_BOUNDS)) != 0u, write = (state & DEPTH_STATE_WRITE) != 0u;
     vec2 bounds = vec2(0.0);
-    if ((depth_state & DEPTH_STATE_BOUNDS) != 0u) bounds = pieces[piece].depth_bounds;
+    if ((state & DEPTH_STATE_BOUNDS) != 0u) bounds = pieces[piece].depth_bounds;
     vec3 adjustment = NO_ADJUSTMENT;
-    if (ADJUSTED && (depth_state & DEPTH_STATE_ADJUSTED) != 0u) {
+    if (ADJUSTED && (state & DEPTH_STATE_ADJUSTED) != 0u) {
         adjustment.x = bias_of(pieces[piece].depth_bias, z_plane.yz, of_second_half(own_shading).w >> TRIANGLE_EXPONENT_SHIFT);
         adjustment.yz = pieces[piece].depth_limits;
     }
+    Tests tests = Tests(state, bounds, z_plane, adjustment);
+    uint enabled = ALL_SAMPLES & (state >> SAMPLE_STATE_MASK_SHIFT);
     uvec4 states[MAX_COLORS / 4u];
     states[0] = of_quad(pieces[piece].colors[0][QUAD_LANE]);
     if (MORE_FORMATS != 0xffffffffu) states[1] = of_quad(pieces[piece].colors[1][QUAD_LANE]);
@@ -122,21 +98,21 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
             int x = int(column << PATCH_X_LOG2) + lane_pixel.x;
             bool across = x >= low.x && x <= high.x;
             ivec3 at_column = edges.at + edges.dx * x;
-            float z_column = depth_of_column(z_plane.x, z_plane.y, origin.x + x);
+            float z_column = depth_of_column(z_plane.x, z_plane.y, float(origin.x + x));
             [[dont_unroll]] for (uint row = first_row; row < end_row; row++) {
                 int y = int(row << PATCH_Y_LOG2) + lane_pixel.y;
-                bool alive = true;
+                ivec2 pixel = origin + ivec2(x, y);
+                uint mask = enabled;
                 if (!covers) {
-                    ivec3 e = at_column + edges.dy * y;
-                    alive = covered(e, origin + ivec2(x, y)) && across && y >= low.y && y <= high.y;
+                    mask &= covered_samples(edges, at_column + edges.dy * y, pixel);
+                    mask = across && y >= low.y && y <= high.y ? mask : 0u;
                 }
-                if (alive && test && DEPTH != DEPTH_LATE) {
-                    uint at = uint(local_origin.y + y) * batch.width + uint(local_origin.x + x);
-                    float z = depth_in_column(z_column, z_plane.z, adjustment, origin.y + y);
-                    alive = passes(depth_state, z, depth[at], bounds);
-                    if (DEPTH == DEPTH_EARLY && alive && write) depth[at] = z;
+                if (mask != 0u && test && EARLY) {
+                    uint number = uint(local_origin.y + y) * batch.width + uint(local_origin.x + x);
+                    float z = depth_in_column(z_column, z_plane.z, adjustment, float(pixel.y));
+                    mask = passing(tests, mask, pixel, number, z, SAMPLES == 1u && DEPTH == DEPTH_EARLY && write);
                 }
-                passed |= alive ? 1u << (((row - part * ROWS) << COLUMNS_LOG2) + column) : 0u;
+                passed |= mask != 0u ? 1u << (((row - part * ROWS) << COLUMNS_LOG2) + column) : 0u;
             }
         }
         uint left = passed | subgroupQuadSwapHorizontal(passed);
@@ -148,23 +124,27 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
         [[dont_unroll]] while (left != 0u) {
             uint patch_at = uint(findLSB(left));
             left &= left - 1u;
-            bool alive = ((passed >> patch_at) & 1u) != 0u;
+            uint mask = (passed >> patch_at) & 1u;
             uint column = patch_at & ((1u << COLUMNS_LOG2) - 1u), row = (patch_at >> COLUMNS_LOG2) + part * ROWS;
             ivec2 p = ivec2(column << PATCH_X_LOG2, row << PATCH_Y_LOG2) + lane_pixel;
-            shade(triangle, origin + p, !alive);
-            uint at = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
-            bool keep = alive && !tw_HelperInvocation;
-            float late = stored_depth(ADJUSTED ? limited_depth(tw_FragDepth, adjustment) : tw_FragDepth);
-            if (keep && test && DEPTH == DEPTH_LATE) keep = passes(depth_state, late, depth[at], bounds);
-            if (keep) {
-                float z = DEPTH == DEPTH_LATE ? late : surface_depth;
-                if (write && DEPTH != DEPTH_EARLY) depth[at] = z;
-                if (batch.traced != 0u) {
-                    uint pixel = tile_index(uvec2(p));
-                    visibility[bin * BIN_QUADS + (pixel >> 2)][pixel & 3u] = key;
-                }
-#define WRITE(t) if (format_of(t) != NO_FORMAT) write_color(t, at, piece, states[t >> 2][t & 3u], color_bits_##t);
-                EACH_COLOR(WRITE)
+            uint number = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
+            if (SAMPLES > 1u && mask != 0u) {
+                mask = enabled;
+                if (!covers) mask &= covered_samples(edges, edges.at + edges.dx * p.x + edges.dy * p.y, origin + p);
+                if (test && EARLY) mask = passing(tests, mask, origin + p, number, 0.0, DEPTH == DEPTH_EARLY && write);
+            }
+            [[dont_unroll]] for (uint i = 0u; i < (PER_SAMPLE ? SAMPLES : 1u); i++) {
+                uint own = PER_SAMPLE ? mask & (1u << i) : mask;
+                if (PER_SAMPLE && !any_of_quad(own != 0u)) continue;
+                uint kept = shade(triangle, origin + p, own, i);
+                if ((state & SAMPLE_STATE_ALPHA_COVERS) != 0u) kept = covered_by(kept, uintBitsToFloat(color_bits_0u.a));
+                float z = surface_depth;
+                if (DEPTH == DEPTH_WRITTEN) z = stored_depth(ADJUSTED ? limited_depth(tw_FragDepth, adjustment) : tw_FragDepth);
+                if (kept != 0u && test && !EARLY) kept = passing(tests, kept, origin + p, number, z, write);
+                if (write && DEPTH == DEPTH_EARLY_TEST) passing(Tests(0u, bounds, z_plane, adjustment), kept, origin + p, number, z, true);
+                if (kept == 0u) continue;
+                if (batch.traced != 0u) show(kept, bin, tile_index(uvec2(p)), key);
+                write_colors(kept, number, piece, state, states);
             }
         }
     }
@@ -175,7 +155,7 @@ void main() {
     uint bin = position.y * batch.bins_x + position.x;
     // The lane that draws to a pixel also resets it: no barrier orders the writes of two lanes.
     if (batch.traced != 0u) {
-        for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) visibility[bin * BIN_QUADS + (i >> 2)][i & 3u] = 0u;
+        for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) show(ALL_SAMPLES, bin, i, 0u);
     }
     // Ordered work may move depth either way, so the widest bounds are the only safe ones.
     if (gl_SubgroupInvocationID == 0u) bin_bounds[bin] = vec2(0.0, 1.0);

@@ -76,9 +76,9 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
         sb = sc;
         sc = swap;
     }
-    // Pixels whose centre lies in the box of the corners: left and top sides included, the others not.
-    ivec2 low = (min(sa, min(sb, sc)) + ((1 << SUBPIXEL_BITS) - 1)) >> SUBPIXEL_BITS;
-    ivec2 high = (max(sa, max(sb, sc)) - 1) >> SUBPIXEL_BITS;
+    // Pixels of which a sample may lie in the box of the corners: left and top sides included, the others not.
+    ivec2 low = (min(sa, min(sb, sc)) - batch.reach + ((1 << SUBPIXEL_BITS) - 1)) >> SUBPIXEL_BITS;
+    ivec2 high = (max(sa, max(sb, sc)) + batch.reach - 1) >> SUBPIXEL_BITS;
     low = max(low, piece.rect_min);
     high = min(high, piece.rect_max);
     if (!drawn || low.x > high.x || low.y > high.y) {
@@ -88,14 +88,14 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
 
     vec3 plane = depth_plane(a, b, c);
     uint adjusted = 0u;
-    if ((piece.depth_state & DEPTH_STATE_ADJUSTED) != 0u) {
+    if ((piece.fragment_state & DEPTH_STATE_ADJUSTED) != 0u) {
         float largest = max(abs(a.z), max(abs(b.z), abs(c.z)));
         adjusted = TRIANGLE_ADJUSTED | floatBitsToUint(largest) >> 23 << TRIANGLE_EXPONENT_SHIFT;
     }
     uint flags = adjusted | TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
     uvec2 first = uvec2(low - ivec2(0, int(batch.origin_y))), last = uvec2(high - ivec2(0, int(batch.origin_y)));
     ivec3 x = ivec3(sa.x, sb.x, sc.x), y = ivec3(sa.y, sb.y, sc.y);
-    uint level = cell_level(x, y, first, last, batch.origin_y);
+    uint level = cell_level(x, y, first, last, batch.origin_y, batch.reach);
     flags |= level << TRIANGLE_LEVEL_SHIFT;
 
     triangles[at].raster[0] = uvec2(x.xy);
@@ -111,7 +111,7 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
     uint cell = 0u;
     for (uint row = range.y; row <= range.w; row++) {
         for (uint column = range.x; column <= range.z; column++) {
-            if (!cell_lists(x, y, level, range, uvec2(column, row), batch.origin_y)) continue;
+            if (!cell_lists(x, y, level, range, uvec2(column, row), batch.origin_y, batch.reach)) continue;
             cell = batch.cell_first[level] + row * batch.cell_columns[level] + column;
             atomicAdd(cell_counts[cell], 1u);
         }
@@ -130,7 +130,7 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec4 a = window_positions[slots.x], b = window_positions[slots.y], c = window_positions[slots.z];
 
     // A primitive that lies wholly outside one plane of the view volume draws nothing; it need not be clipped.
-    uint planes = (piece.depth_state & DEPTH_STATE_UNCLIPPED) == 0u ? OUT_PLANES : OUT_SIDES;
+    uint planes = (piece.fragment_state & DEPTH_STATE_UNCLIPPED) == 0u ? OUT_PLANES : OUT_SIDES;
     uint code = (a.w | b.w | c.w) & (planes | OUT_BEHIND | OUT_UNUSABLE), count = 3u, made = 0u;
     if ((a.w & b.w & c.w & planes) != 0u || (code & OUT_UNUSABLE) != 0u) {
         store_nothing(primitive);

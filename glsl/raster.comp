@@ -1,11 +1,11 @@
-// Raster and z-test of opaque work: finds the triangle that each pixel of a bin shows.
+// Raster and z-test of opaque work: finds the triangle that each sample of a bin shows.
 //
 // Reads: the non-empty bins, the lists of their cells, triangles, depth.
 // Writes: depth and its bounds, for the bins in which the batch shows a triangle; for each fragment kernel
 // of the batch a list of the bins in which it has pixels. An entry of a list has the key of the triangle that
-// covers the whole bin, or else 0: then `visibility` has the key of the triangle that each pixel shows, or 0.
+// covers the whole bin, or else 0: then `visibility` has the key of the triangle that each sample shows, or 0.
 // Visibility of other bins may be overwritten by zeros.
-// Contract: the winner of a pixel is the triangle that the depth test would leave standing if the whole
+// Contract: the winner of a sample is the triangle that the depth test would leave standing if the whole
 // batch were drawn in API order; the order of triangles in the lists does not matter.
 // Kernel / Twin: src/compute/raster.rs, src/reference/raster.rs.
 //
@@ -15,7 +15,7 @@
 // of bin skip these tests: a bin that one triangle covers in front of everything else, and a bin in which
 // everything is hidden. The bounds of each bin's depth, which are kept from batch to batch, tell them.
 //
-// If the device is a CPU, depth and key of a pixel stay in the targets' own memory (IN_PLACE).
+// If the device is a CPU, depth and key of a sample stay in the targets' own memory (IN_PLACE).
 // `docs/tried.md` lists the alternatives that were tried.
 #version 460
 #extension GL_KHR_shader_subgroup_basic : require
@@ -23,7 +23,6 @@
 
 layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 layout(constant_id = SPEC_COMPARE) const uint COMPARE = COMPARE_LESS;
-layout(constant_id = SPEC_IN_PLACE) const bool IN_PLACE = false;
 layout(constant_id = SPEC_ADJUSTED) const bool ADJUSTED = false;
 layout(constant_id = SPEC_DEPTH_BITS) const uint DEPTH_BITS = 0u;
 
@@ -64,8 +63,7 @@ void main() {
     // For each block a bound of its farthest depth. The bound of a `touched` block may be out of date; it is
     // computed anew in the round `due`. If that changes no bound, the next time comes after twice as many rounds.
     vec4 farthest = vec4(0.0);
-    uint touched = 0u, round = 0u, due = 1u, pause = 1u;
-    uint any = 0u;
+    uint touched = 0u, round = 0u, due = 1u, pause = 1u, any = 0u;
 
     [[dont_unroll]] for (uint level = 0u; level < CELL_LEVELS; level++) {
         uvec2 cell_position = position >> (CELL_LOG2[level] - BIN_SIZE_LOG2);
@@ -80,7 +78,6 @@ void main() {
             uvec4 x_low = uvec4(triangles[at].raster[0], triangles[at].raster[1]);
             uvec4 y_high = uvec4(triangles[at].raster[2], triangles[at].raster[3]);
             ivec3 x = ivec3(x_low.xyz), y = ivec3(y_high.xyz);
-            uint low_bits = x_low.w, high_bits = y_high.w;
             vec3 plane = uintBitsToFloat(uvec3(triangles[at].shading[0], triangles[at].shading[1].x));
             vec3 adjustment = NO_ADJUSTMENT;
             if (ADJUSTED && (triangles[at].shading[3].y & TRIANGLE_ADJUSTED) != 0u) {
@@ -89,14 +86,15 @@ void main() {
             }
             // A bin that reaches beyond the target is cut at the target's border.
             uint cut = inside ? triangles[at].shading[3].y & TRIANGLE_CUT : TRIANGLE_CUT;
-            ivec2 low = ivec2(low_bits & 0xffffu, low_bits >> 16) - local_origin;
-            ivec2 high = ivec2(high_bits & 0xffffu, high_bits >> 16) - local_origin;
-            Edges edges = edges_from(x, y, origin, 0u);
+            ivec2 low = ivec2(x_low.w & 0xffffu, x_low.w >> 16) - local_origin;
+            ivec2 high = ivec2(y_high.w & 0xffffu, y_high.w >> 16) - local_origin;
+            Edges edges = edges_from(x, y, origin << SUBPIXEL_BITS, 0u);
+            ivec3 reach = edges_reach(edges.dx, edges.dy);
             bool live = first + lane < end && all(lessThanEqual(low, BIN_LAST)) && all(greaterThanEqual(high, ivec2(0)));
 
             if (single) {
-                ivec3 least = edges.at + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
-                ivec3 most = edges.at + max(edges.dx, 0) * BIN_LAST.x + max(edges.dy, 0) * BIN_LAST.y;
+                ivec3 least = edges.at - reach + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
+                ivec3 most = edges.at + reach + max(edges.dx, 0) * BIN_LAST.x + max(edges.dy, 0) * BIN_LAST.y;
                 vec2 bounds = depth_bounds(plane, adjustment, origin, BIN_LAST);
                 bool covers = COVERS_WHOLE_BINS && (least.x | least.y | least.z) >= 0 && inside && all(lessThanEqual(low, ivec2(0))) &&
                               all(greaterThanEqual(high, BIN_LAST));
@@ -126,9 +124,9 @@ void main() {
             [[dont_unroll]] for (uint b = 0u; b < BLOCKS; b++) {
                 ivec2 block = ivec2(tile_pixel(b * BLOCK));
                 ivec3 at_block = edges.at + edges.dx * block.x + edges.dy * block.y;
-                ivec3 most = at_block + max(edges.dx, 0) * BLOCK_LAST.x + max(edges.dy, 0) * BLOCK_LAST.y;
-                bool boxed = all(lessThanEqual(low, block + BLOCK_LAST)) && all(greaterThanEqual(high, block));
-                bool hit = live && boxed && (most.x | most.y | most.z) >= 0;
+                ivec3 most = at_block + reach + max(edges.dx, 0) * BLOCK_LAST.x + max(edges.dy, 0) * BLOCK_LAST.y;
+                bool near = all(lessThanEqual(low, block + BLOCK_LAST)) && all(greaterThanEqual(high, block));
+                bool hit = live && near && (most.x | most.y | most.z) >= 0;
                 if (!has_lanes(lanes_where(hit))) continue;
                 if (look && (touched >> b & 1u) != 0u) {
                     float found = farthest_of(bin, b);
@@ -137,7 +135,7 @@ void main() {
                     farthest[b] = found;
                     touched &= ~(1u << b);
                 }
-                uint patches = patches_touched(at_block, edges.dx, edges.dy, low - block, high - block);
+                uint patches = patches_touched(at_block + reach, edges.dx, edges.dy, low - block, high - block);
                 hit = hit && patches != 0u && !in_front(farthest[b], depth_bounds(plane, adjustment, origin + block, BLOCK_LAST).x);
                 uvec4 mask = lanes_where(hit);
                 if (!has_lanes(mask)) continue;
@@ -145,7 +143,8 @@ void main() {
                 do {
                     uint j = first_lane(mask);
                     mask = without_first_lane(mask);
-                    ivec3 dx = subgroupShuffle(edges.dx, j), dy = subgroupShuffle(edges.dy, j);
+                    ivec3 dx = subgroupShuffle(edges.dx, j), dy = subgroupShuffle(edges.dy, j), rest = ivec3(0);
+                    if (SAMPLES > 1u) rest = subgroupShuffle(edges.rest, j);
                     ivec3 start = subgroupShuffle(at_block, j) + dx * lane_pixel.x + dy * lane_pixel.y;
                     vec3 plane_j = subgroupShuffle(plane, j);
                     vec3 adjustment_j = NO_ADJUSTMENT;
@@ -160,14 +159,16 @@ void main() {
                         ivec2 step = ivec2(tile_pixel(i));
                         ivec3 e = start + dx * step.x + dy * step.y;
                         ivec2 p = block + lane_pixel + step; // in the bin
-                        bool wins = covered(e, origin + p);
-                        if (cut_j) wins = wins && all(greaterThanEqual(p, low_j)) && all(lessThanEqual(p, high_j));
-                        if (wins) {
-                            float z = depth_at(plane_j, adjustment_j, origin + p);
-                            uint pixel = b * BLOCK + i + lane;
-                            if (beats(bin, pixel, p, z, key_j)) {
-                                hold(bin, pixel, p, z, key_j);
-                                any |= key_j;
+                        uint pixel = b * BLOCK + i + lane;
+                        bool boxed = true;
+                        if (cut_j) boxed = all(greaterThanEqual(p, low_j)) && all(lessThanEqual(p, high_j));
+                        for (uint s = 0u; s < SAMPLES; s++) {
+                            if (boxed && covered(edges_at(Edges(e, dx, dy, rest), sample_offset(s)), origin + p)) {
+                                float z = depth_at(plane_j, adjustment_j, place_of(bin, p, s));
+                                if (beats(bin, pixel, p, s, z, key_j)) {
+                                    hold(bin, pixel, p, s, z, key_j);
+                                    any |= key_j;
+                                }
                             }
                         }
                     } while (left != 0u);
@@ -185,7 +186,7 @@ void main() {
     if (single) {
         if (base_key == 0u) return;
         cover(bin, base, base_adjustment);
-        if (base.yz == vec2(0.0)) bounds = vec2(depth_at(base, base_adjustment, ivec2(0)));
+        if (base.yz == vec2(0.0)) bounds = vec2(depth_at(base, base_adjustment, vec2(0.0)));
         shown = 1u << fragment_kernel_of(base_key);
     } else {
         if (!has_lanes(lanes_where(any != 0u))) return;

@@ -10,7 +10,8 @@
 // Each workgroup is one subgroup and shades one bin. Each lane takes a different quad of the bin and counts
 // the triangles that the quad shows. The pairs of a quad and one of its triangles are then numbered, and
 // the subgroup shades as many pairs at a time as it has quads of lanes. So a quad that shows one triangle
-// does not wait for a quad that shows four. `docs/tried.md` lists the alternatives that were tried.
+// does not wait for a quad that shows four. `docs/tried.md` lists the alternatives that were tried. If pixels
+// have several samples, each four lanes take a quad of the bin, and its triangles in the order of their keys.
 #version 460
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_shuffle : require
@@ -40,10 +41,54 @@ uint first_shown(const uvec4 keys) {
            (w && keys.w != 0u ? 8u : 0u);
 }
 
+// Shades the target's pixel `pixel`, number `number` of the band, whose samples `mask` show the triangle of `key`.
+void shade_samples(const uint key, const ivec2 pixel, const uint number, const uint mask) {
+    [[dont_unroll]] for (uint i = 0u; i < (PER_SAMPLE ? SAMPLES : 1u); i++) {
+        shade(bind_triangle(key), pixel, PER_SAMPLE ? mask & (1u << i) : mask, i);
+        for (uint s = 0u; s < SAMPLES; s++) {
+            if ((mask >> s & 1u) == 0u || (PER_SAMPLE && s != i)) continue;
+            uint at = number * SAMPLES + s;
+#define STORE(t) if (format_of(t) != NO_FORMAT) store_color(t, at, color_encode(format_of(t), color_bits_##t));
+            EACH_COLOR(STORE)
+        }
+    }
+}
+
+// Shades the bin at `position`. If `covering` is not 0, all samples show its triangle.
+void shade_all_samples(const uvec2 position, const uint first_quad, const uint covering) {
+    [[dont_unroll]] for (uint quad = gl_SubgroupInvocationID >> 2; quad < BIN_QUADS; quad += SUBGROUP_WIDTH / 4u) {
+        uint own[SAMPLES];
+        for (uint s = 0u; s < SAMPLES; s++) {
+            own[s] = covering != 0u ? covering : visibility[(first_quad + quad) * SAMPLES + s][QUAD_LANE];
+            if (batch.fragment_kernels > 1u && covering == 0u) own[s] = own_key(own[s]);
+        }
+        uvec2 pixel = (position << BIN_SIZE_LOG2) + tile_pixel(quad * 4u + QUAD_LANE);
+        uint shaded = 0u;
+        for (;;) {
+            uint next = NONE;
+            for (uint s = 0u; s < SAMPLES; s++) next = own[s] > shaded ? min(next, own[s]) : next;
+            next = min(next, subgroupQuadSwapHorizontal(next));
+            next = min(next, subgroupQuadSwapVertical(next));
+            // All lanes stay together, and none holds an undefined table slot: a quad that is done takes the triangle of
+            // another one, for nothing.
+            uint least = subgroupMin(next);
+            if (least == NONE) break;
+            uint mask = 0u;
+            for (uint s = 0u; s < SAMPLES; s++) mask |= next != NONE && own[s] == next ? 1u << s : 0u;
+            shade_samples(next == NONE ? least : next, ivec2(pixel) + ivec2(0, int(batch.origin_y)), pixel.y * batch.width + pixel.x, mask);
+            shaded = next == NONE ? shaded : next;
+        }
+    }
+}
+
 void main() {
     uvec2 entry = shade_bins[batch.fragment_kernel * batch.bins + gl_WorkGroupID.x];
     uvec2 position = bin_position(entry.x);
     uint covering = entry.y, first_quad = (position.y * batch.bins_x + position.x) * BIN_QUADS;
+    if (SAMPLES > 1u) {
+        shade_all_samples(position, first_quad, covering);
+        return;
+    }
     uint lane = gl_SubgroupInvocationID;
     [[dont_unroll]] for (uint first = 0u; first < BIN_QUADS; first += SUBGROUP_WIDTH) {
         uvec4 keys = uvec4(covering);
@@ -79,13 +124,7 @@ void main() {
             }
 
             uvec2 pixel = (position << BIN_SIZE_LOG2) + tile_pixel((first + from) * 4u + QUAD_LANE);
-            shade(bind_triangle(key), ivec2(pixel) + ivec2(0, int(batch.origin_y)), !mine);
-            // No `continue`: the lanes of the quad must be together again for the next pair.
-            if (mine) {
-                uint at = pixel.y * batch.width + pixel.x;
-#define STORE(t) if (format_of(t) != NO_FORMAT) store_color(t, at, color_encode(format_of(t), color_bits_##t));
-                EACH_COLOR(STORE)
-            }
+            shade_samples(key, ivec2(pixel) + ivec2(0, int(batch.origin_y)), pixel.y * batch.width + pixel.x, mine ? 1u : 0u);
         }
     }
 }

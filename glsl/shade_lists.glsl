@@ -1,4 +1,4 @@
-// The results that raster leaves for shading: the pixels in `depth` and `visibility`, and for each fragment
+// The results that raster leaves for shading: the samples in `depth` and `visibility`, and for each fragment
 // kernel of the batch a list of the bins in which it has pixels. The file that includes this one declares
 // `triangles` and `pieces`.
 #ifndef SHADE_LISTS_GLSL
@@ -17,22 +17,24 @@ uint fragment_kernel_of(const uint key) {
     return pieces[triangles[key_triangle(key, batch.extra_first)].shading[1].y].fragment_kernel;
 }
 
-// Copies the depth and the keys of the bin's pixels to `depth` and `visibility`. Returns a bit in `shown` for
+// Copies the depth and the keys of the bin's samples to `depth` and `visibility`. Returns a bit in `shown` for
 // each fragment kernel that has pixels in the bin, and the bounds of the bin's depth.
 void finish(const Bin bin, out uint shown, out vec2 bounds) {
     shown = 0u;
     bounds = vec2(2.0, -1.0);
     [[dont_unroll]] for (uint i = gl_SubgroupInvocationID; i < BIN_PIXELS; i += SUBGROUP_WIDTH) {
         ivec2 p = ivec2(tile_pixel(i));
-        uint key = 0u;
-        if (in_target(bin, p)) {
-            key = held_key(bin, i);
-            float z = held_depth(bin, i, p);
-            if (key != 0u && !IN_PLACE) depth[depth_place(bin, p)] = z;
-            bounds = vec2(min(bounds.x, z), max(bounds.y, z));
+        for (uint s = 0u; s < SAMPLES; s++) {
+            uint key = 0u;
+            if (in_target(bin, p)) {
+                key = held_key(bin, i, s);
+                float z = held_depth(bin, i, p, s);
+                if (key != 0u && !IN_PLACE) depth[depth_place(bin, p, s)] = z;
+                bounds = vec2(min(bounds.x, z), max(bounds.y, z));
+            }
+            if (!IN_PLACE || !in_target(bin, BIN_LAST)) visibility[key_place(bin, i, s)][i & 3u] = key;
+            if (key != 0u) shown |= 1u << fragment_kernel_of(key);
         }
-        if (!IN_PLACE || !in_target(bin, BIN_LAST)) visibility[bin.number * BIN_QUADS + (i >> 2)][i & 3u] = key;
-        if (key != 0u) shown |= 1u << fragment_kernel_of(key);
     }
     bounds = vec2(lanes_min(bounds.x), lanes_max(bounds.y));
     shown = subgroupOr(shown);

@@ -72,8 +72,23 @@ shared_constants! {
     pub const SPEC_LANES: u32 = 5;
     /// Specialization constant: the depth comparison.
     pub const SPEC_COMPARE: u32 = 1;
-    /// Specialization constant: whether raster keeps the pixels of a bin in the targets' own memory.
-    pub const SPEC_IN_PLACE: u32 = 6;
+    /// Specialization constant: how many samples raster holds in shared memory, those of a bin; 1 if it keeps them in the
+    /// targets' own memory.
+    pub const SPEC_HELD: u32 = 6;
+    /// Specialization constant: samples of a pixel.
+    pub const SPEC_SAMPLES: u32 = 10;
+    /// First of four specialization constants: where the samples are, a byte each, column and row in 1/16 pixel.
+    pub const SPEC_POSITIONS_0: u32 = 11;
+    /// The second of them.
+    pub const SPEC_POSITIONS_1: u32 = 12;
+    /// The third.
+    pub const SPEC_POSITIONS_2: u32 = 13;
+    /// The last.
+    pub const SPEC_POSITIONS_3: u32 = 14;
+    /// Specialization constant: whether a fragment shader runs for each sample.
+    pub const SPEC_PER_SAMPLE: u32 = 15;
+    /// Specialization constant: the `ResolveMode`.
+    pub const SPEC_RESOLVE_MODE: u32 = 16;
     /// Specialization constant: whether the depths of the batch's triangles may be adjusted: by a bias, or by limits of their own.
     pub const SPEC_ADJUSTED: u32 = 8;
     /// Specialization constant: the bits of a depth in the depth target, 0 if it holds floats.
@@ -108,6 +123,8 @@ shared_constants! {
     pub const DEPTH_EARLY_TEST: u32 = 0;
     /// Depth test and write after the shader.
     pub const DEPTH_LATE: u32 = 1;
+    /// As [`DEPTH_LATE`], of the depth that the shader writes.
+    pub const DEPTH_WRITTEN: u32 = 3;
     /// Depth test and write before the shader, as `layout(early_fragment_tests)` demands. It is also used if the
     /// shader always keeps its fragment: then an early write gives the same picture as a late one.
     pub const DEPTH_EARLY: u32 = 2;
@@ -159,18 +176,24 @@ shared_constants! {
     /// any format may.
     pub const PLANE_PIXELS: u32 = 4;
 
-    /// [`Piece::depth_state`]: the depth test is on.
+    /// [`Piece::fragment_state`]: the depth test is on.
     pub const DEPTH_STATE_TEST: u32 = 1;
-    /// [`Piece::depth_state`]: a fragment that passes writes its depth.
+    /// [`Piece::fragment_state`]: a fragment that passes writes its depth.
     pub const DEPTH_STATE_WRITE: u32 = 2;
-    /// [`Piece::depth_state`]: depths are adjusted by [`Piece::depth_bias`] and kept in [`Piece::depth_limits`].
+    /// [`Piece::fragment_state`]: depths are adjusted by [`Piece::depth_bias`] and kept in [`Piece::depth_limits`].
     pub const DEPTH_STATE_ADJUSTED: u32 = 4;
-    /// [`Piece::depth_state`]: the depth that is there must be within [`Piece::depth_bounds`].
+    /// [`Piece::fragment_state`]: the depth that is there must be within [`Piece::depth_bounds`].
     pub const DEPTH_STATE_BOUNDS: u32 = 64;
-    /// [`Piece::depth_state`]: primitives are not clipped at the near and the far plane.
+    /// [`Piece::fragment_state`]: primitives are not clipped at the near and the far plane.
     pub const DEPTH_STATE_UNCLIPPED: u32 = 128;
-    /// [`Piece::depth_state`]: first bit of the `Compare`.
+    /// [`Piece::fragment_state`]: first bit of the `Compare`.
     pub const DEPTH_STATE_COMPARE_SHIFT: u32 = 3;
+    /// [`Piece::fragment_state`]: the alpha of the first colour says how many samples are covered.
+    pub const SAMPLE_STATE_ALPHA_COVERS: u32 = 256;
+    /// [`Piece::fragment_state`]: alpha is 1 in what follows.
+    pub const SAMPLE_STATE_ALPHA_ONE: u32 = 512;
+    /// [`Piece::fragment_state`]: first of 16 bits, those of the samples that may be drawn to.
+    pub const SAMPLE_STATE_MASK_SHIFT: u32 = 16;
 
     /// A blend equation: bits of a factor. The source's factor comes first.
     pub const BLEND_FACTOR_BITS: u32 = 5;
@@ -239,6 +262,8 @@ pub struct Batch {
     pub traced: u32,
     /// Not 0 if another batch of opaque work follows, which reads the bounds of the bins.
     pub followed: u32,
+    /// How far samples are from the centres of their pixels at most, in 1/256 pixel: to the left, and up.
+    pub reach: i32,
 }
 
 /// The push constants of the clear kernel.
@@ -251,6 +276,20 @@ pub struct Clear {
     pub count: u32,
     /// Where they begin in the rows, in times four words.
     pub first: u32,
+}
+
+/// The push constants of the kernel that makes texels of samples, and samples of texels.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Resolve {
+    /// Pixels of the band.
+    pub pixels: u32,
+    /// The word that is the first of the target's samples.
+    pub first_sample: u32,
+    /// The word that is its first texel.
+    pub first_texel: u32,
+    /// 1 from texels to samples, 0 from samples.
+    pub to_samples: u32,
 }
 
 /// The push constants of the kernel that brings texels to rows and back.
@@ -362,8 +401,8 @@ pub struct Piece {
     pub front_face: u32,
     /// Whether `rect_min..=rect_max` is smaller than the target.
     pub cut: u32,
-    /// The depth test, at `DEPTH_STATE_*`.
-    pub depth_state: u32,
+    /// How fragments are tested, at `DEPTH_STATE_*` and `SAMPLE_STATE_*`.
+    pub fragment_state: u32,
     /// First pixel of viewport and scissor, x then y.
     pub rect_min: [i32; 2],
     /// Last pixel of viewport and scissor, x then y.

@@ -6,7 +6,7 @@
 //! one after the other in row order; in visibility the pixels of a bin are contiguous, in the
 //! order of [`pixel_number`].
 
-use crate::{abi, image::Extent};
+use crate::{abi, image::Extent, samples::Samples};
 use std::ops::Range;
 
 /// Log2 of the cell edge at each level.
@@ -16,8 +16,8 @@ pub const CELL_LOG2: [u32; abi::CELL_LEVELS as usize] =
 /// Most bins of a band: 2^15 bins are 2^23 pixels, 64 MiB at 8 bytes a pixel.
 pub const MAX_BAND_BINS: u32 = 1 << 15;
 
-/// Most bytes of a band's colour targets.
-const MAX_COLOR_BYTES: usize = 1 << 27;
+/// Most bytes of a buffer that a band has.
+const MAX_BYTES: usize = 1 << 27;
 
 /// One band of a target and its division into bins and cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,18 +39,33 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The bands of targets from top to bottom, whose colours have so many bytes a pixel together.
-    pub fn bands(target: Extent, color_bytes: usize) -> impl Iterator<Item = Grid> + use<> {
+    /// The bands of targets from top to bottom, whose colours have so many bytes a sample together.
+    pub fn bands(
+        target: Extent,
+        color_bytes: usize,
+        samples: Samples,
+    ) -> impl Iterator<Item = Grid> + use<> {
         let bin = 1 << abi::BIN_SIZE_LOG2;
-        let bins_x = target.width.div_ceil(bin);
-        let most = MAX_COLOR_BYTES / (abi::BIN_PIXELS as usize * color_bytes.max(1));
+        let most = MAX_BYTES / Self::bin_bytes(color_bytes, samples);
         let most = MAX_BAND_BINS.min(most as u32);
-        // The widest target with the most bytes has several rows of bins.
-        let rows = (most / bins_x) * bin;
+        // A valid pass has room for a row of bins.
+        let rows = (most / target.width.div_ceil(bin)).max(1) * bin;
         (0..target.height.div_ceil(rows)).map(move |band| {
             let origin_y = band * rows;
             Grid::new(Extent::new(target.width, rows.min(target.height - origin_y)), origin_y)
         })
+    }
+
+    /// The most bytes that one buffer has for a bin: colour, or else depth or the keys of what is visible.
+    const fn bin_bytes(color_bytes: usize, samples: Samples) -> usize {
+        let of_sample = if color_bytes > 4 { color_bytes } else { 4 };
+        abi::BIN_PIXELS as usize * samples.count() as usize * of_sample
+    }
+
+    /// Whether targets of so many columns have room for a row of bins in one buffer.
+    pub const fn fits(width: u32, color_bytes: usize, samples: Samples) -> bool {
+        let bins_x = width.div_ceil(1 << abi::BIN_SIZE_LOG2) as usize;
+        bins_x * Self::bin_bytes(color_bytes, samples) <= MAX_BYTES
     }
 
     fn new(extent: Extent, origin_y: u32) -> Grid {

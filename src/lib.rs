@@ -26,10 +26,10 @@
 //! | [`Shader`], [`Stage`], [`Pipeline`], [`VertexBinding`], [`VertexAttribute`] | how draws are drawn |
 //! | [`Texture`], [`Sampler`], [`BufferRange`], [`Binding`], [`BindingSet`] | what shaders read and write |
 //! | [`Draw`], [`Indices`], [`IndexFormat`], [`Indirect`] | one draw, with counts that the host or the device knows |
-//! | [`Pass`], [`ColorTarget`], [`DepthTarget`], [`LoadOp`], [`StoreOp`] | draws into targets |
+//! | [`Pass`], [`ColorTarget`], [`DepthTarget`], [`LoadOp`], [`StoreOp`], [`Samples`] | draws into targets |
 //! | [`Renderer`], [`Frame`] | draws one pass and waits ([`Renderer::render`]), also with stages of yours ([`Renderer::with_glsl`]) |
 //! | [`Encoder`], [`Submission`], [`Recorded`] | frames of several passes that nobody waits for ([`Renderer::begin`]), also in a command buffer of the caller ([`Renderer::record`]) |
-//! | [`Compiled`], [`Compilation`] | pipelines that are compiled before they are drawn with ([`Renderer::compile`]) |
+//! | [`Compiled`], [`Compilation`], [`TargetFormats`] | pipelines that are compiled before they are drawn with ([`Renderer::compile`]) |
 //! | [`Kernel`] | a compute shader of yours, between passes |
 //! | [`Picture`], [`Extent`], [`Shape`], [`Format`], [`VertexFormat`] | pixels in host memory, sizes, layouts |
 //! | [`Error`], [`Result`] | what went wrong, in whose words |
@@ -43,7 +43,7 @@
 //!
 //! | module | concept |
 //! |---|---|
-//! | [`pass`], [`state`], [`target`], [`texture`], [`mod@format`], [`image`] | the public vocabulary: plain data, and handles of what lives on a device |
+//! | [`pass`], [`state`], [`target`], [`samples`], [`texture`], [`mod@format`], [`image`] | the public vocabulary: plain data, and handles of what lives on a device |
 //! | [`shader`] | GLSL to SPIR-V, reflection, splicing a shader into a kernel |
 //! | `plan` | a pass cut into batches whose buffers cannot overflow |
 //! | `grid` | all size arithmetic: bands, bins, cells, capacities |
@@ -113,6 +113,7 @@ mod prebuilt;
 #[cfg(feature = "scene")]
 mod random;
 pub mod reference;
+pub mod samples;
 #[cfg(feature = "scene")]
 pub mod scene;
 pub mod shader;
@@ -132,7 +133,8 @@ pub use pass::{
     Binding, BindingSet, BufferRange, Draw, Frame, IndexFormat, Indices, Indirect, Pass, Pipeline,
     VertexAttribute, VertexBinding,
 };
+pub use samples::Samples;
 pub use shader::{Shader, Stage};
-pub use target::{ClearColor, ColorTarget, DepthTarget, LoadOp, StoreOp};
+pub use target::{ClearColor, ColorTarget, DepthTarget, LoadOp, StoreOp, TargetFormats};
 pub use texture::{Sampler, Texture};
 pub use vk::{Buffer, Gpu, GpuOptions, Image, ImageInfo, ImageUse, Kernel, Memory, Submission};

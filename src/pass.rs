@@ -9,6 +9,7 @@
 use crate::{
     format::Format,
     image::Extent,
+    samples::Samples,
     shader::Shader,
     state::{
         ColorState, Cull, DepthBias, DepthState, FrontFace, LogicOp, Rect, Topology, Viewport,
@@ -31,7 +32,7 @@ mod written;
 
 pub use buffer::{BufferRange, BufferSource};
 pub use indices::IndexRanges;
-pub(crate) use validate::{Known, check_color_targets, check_outputs};
+pub(crate) use validate::{Known, check_color_targets, check_outputs, check_samples};
 pub use vertex::{StepRate, VertexAttribute, VertexBinding};
 pub(crate) use vertex::{instance_alone, pipeline_alone};
 
@@ -72,6 +73,16 @@ pub struct Pipeline {
     /// What becomes of the bits of colour targets; `None` leaves that to [`Pipeline::colors`]. With an operation, no target is
     /// blended. Targets of floats and sRGB-encoded ones are overwritten, as Vulkan says.
     pub logic_op: Option<LogicOp>,
+    /// A bit for each sample of a pixel that may be drawn to; all, unless set.
+    pub sample_mask: u32,
+    /// Whether the alpha of colour target 0 says how many of the covered samples are drawn to: none where it is 0, all where
+    /// it is 1.
+    pub alpha_to_coverage: bool,
+    /// Whether alpha is 1 when colours are blended and written, whatever the shader returns.
+    pub alpha_to_one: bool,
+    /// Whether the fragment shader runs for each sample that is covered (Vulkan's `sampleShadingEnable`, with all samples). It
+    /// does so in any case if it reads `gl_SampleID` or `gl_SamplePosition`, or has an input that is a `sample`.
+    pub sample_shading: bool,
 }
 
 impl Pipeline {
@@ -97,6 +108,10 @@ impl Pipeline {
             depth_clip: None,
             colors: Vec::new(),
             logic_op: None,
+            sample_mask: u32::MAX,
+            alpha_to_coverage: false,
+            alpha_to_one: false,
+            sample_shading: false,
         }
     }
 
@@ -119,6 +134,11 @@ impl Pipeline {
     /// Whether depths of the fragments of `draw` get a bias or limits of their own.
     pub(crate) fn adjusts_depth(&self, draw: &Draw) -> bool {
         draw.depth_bias.is_some() || self.adjusts_depths()
+    }
+
+    /// Whether the fragment shader runs for each sample.
+    pub(crate) fn runs_per_sample(&self) -> bool {
+        self.sample_shading || self.fragment.reflection.per_sample
     }
 
     /// How fragments change the colour target with this number.
@@ -393,6 +413,11 @@ pub struct Pass {
     pub colors: Vec<ColorTarget>,
     /// The depth target, if there is one.
     pub depth: Option<DepthTarget>,
+    /// Samples of a pixel of all targets, which exist during the pass only: images and pictures have a texel for each pixel.
+    /// What a target begins with, all samples of a pixel get. At the end, a texel of colours becomes the average of the
+    /// samples (of linear light, if the format is sRGB-encoded), one of integers becomes sample 0, and one of depth what
+    /// [`DepthTarget::resolve`] says. This is the model of `VK_EXT_multisampled_render_to_single_sampled`.
+    pub samples: Samples,
     /// The pipelines that draws refer to.
     pub pipelines: Vec<Arc<Pipeline>>,
     /// In API order.
@@ -407,12 +432,13 @@ impl Pass {
             extent,
             colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [0.0; 4])],
             depth: None,
+            samples: Samples::One,
             pipelines: Vec::new(),
             draws: Vec::new(),
         }
     }
 
-    /// Bytes of a pixel of all colour targets where kernels write them.
+    /// Bytes of a sample of all colour targets where kernels write them.
     pub(crate) fn row_bytes(&self) -> usize {
         self.colors.iter().map(|color| color.format.row_bytes()).sum()
     }

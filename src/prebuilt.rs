@@ -55,6 +55,8 @@ pub const KERNELS: &[(&str, Variant, &[u32])] = &[
     ("ordered.comp", ANY_SEVERAL, file!("any-8-ordered.comp")),
     ("primitive.comp", Variant::PLAIN, file!("primitive.comp")),
     ("raster.comp", Variant::PLAIN, file!("raster.comp")),
+    ("resolve.comp", Variant::PLAIN, file!("resolve.comp")),
+    ("resolve.comp", ANY_ONE, file!("any-resolve.comp")),
     ("shade.comp", Variant::PLAIN, SHADE),
     ("shade.comp", SEVERAL, file!("8-shade.comp")),
     ("shade.comp", ANY_ONE, file!("any-shade.comp")),

@@ -399,6 +399,22 @@ impl Default for ColorState {
     }
 }
 
+shared_enum! {
+    /// What becomes of the samples of a pixel when its target has one texel for it (Vulkan's `VkResolveModeFlagBits`).
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    pub enum ResolveMode {
+        /// Their average.
+        Average = 0,
+        /// Sample 0.
+        #[default]
+        SampleZero = 1,
+        /// The least.
+        Min = 2,
+        /// The greatest.
+        Max = 3,
+    }
+}
+
 /// The viewport transform, in pixels, as `VkViewport`. A negative height flips y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewport {

@@ -4,6 +4,9 @@ use crate::{
     error::Result,
     format::{Format, Numeric},
     image::{self, Extent},
+    pass::Pass,
+    samples::Samples,
+    state::ResolveMode,
     vk::{self, Subresource},
 };
 use std::sync::Arc;
@@ -167,13 +170,16 @@ pub struct DepthTarget {
     pub load: LoadOp<f32>,
     /// What is kept.
     pub store: StoreOp,
+    /// What is kept of several samples of a pixel ([`crate::Pass::samples`]): sample 0, unless set.
+    pub resolve: ResolveMode,
 }
 
 impl DepthTarget {
     /// A target of [`Format::D32Float`] that each executor makes, cleared to `depth`.
     pub fn cleared(depth: f32) -> Self {
         let (load, store) = (LoadOp::Clear(depth), StoreOp::Store);
-        Self { image: None, level: 0, layer: 0, format: Format::D32Float, load, store }
+        let (format, resolve) = (Format::D32Float, ResolveMode::SampleZero);
+        Self { image: None, level: 0, layer: 0, format, load, store, resolve }
     }
 
     /// As [`DepthTarget::cleared`], for depth that nobody needs after the pass.
@@ -184,7 +190,8 @@ impl DepthTarget {
     /// As [`ColorTarget::on_device`].
     pub fn on_device(image: &vk::Image, load: LoadOp<f32>) -> Self {
         let (image, format) = (Some(image.clone()), image.format());
-        Self { image, level: 0, layer: 0, format, load, store: StoreOp::Store }
+        let (store, resolve) = (StoreOp::Store, ResolveMode::SampleZero);
+        Self { image, level: 0, layer: 0, format, load, store, resolve }
     }
 
     setters! {
@@ -192,11 +199,47 @@ impl DepthTarget {
         level: u32,
         layer: u32,
         store: StoreOp,
+        resolve: ResolveMode,
     }
 
     /// The level and the layer that are drawn to.
     pub(crate) fn subresource(&self) -> Subresource {
         Subresource { level: self.level, layer: self.layer }
+    }
+}
+
+/// What the kernels of a pipeline depend on in the targets of a pass.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub struct TargetFormats {
+    /// The formats of the colour targets.
+    pub colors: Vec<Format>,
+    /// The format of the depth target, if there is one.
+    pub depth: Option<Format>,
+    /// Samples of a pixel.
+    pub samples: Samples,
+}
+
+impl TargetFormats {
+    /// Colour targets of these formats, no depth, one sample.
+    pub fn new(colors: impl IntoIterator<Item = Format>) -> Self {
+        Self { colors: colors.into_iter().collect(), ..Self::default() }
+    }
+
+    /// Those of `pass`.
+    pub fn of(pass: &Pass) -> Self {
+        Self {
+            depth: pass.depth.as_ref().map(|depth| depth.format),
+            samples: pass.samples,
+            ..Self::new(pass.colors.iter().map(|color| color.format))
+        }
+    }
+
+    setters! {
+        samples: Samples,
+        ;
+        into
+        depth: Option<Format>,
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::common::on_each_gpu;
 use std::sync::Arc;
 use tilewright::{
-    Error, compute,
+    Error, Samples, TargetFormats, compute,
     format::Format,
     image::Extent,
     pass::{Draw, Pass, Pipeline},
@@ -65,19 +65,21 @@ fn a_pass_finds_its_pipeline_compiled() {
             for (color, depth) in formats.iter().flat_map(|f| [(*f, false), (*f, true)]) {
                 factor += 1;
                 let made = || kind(pipeline(&fragment(factor, discards)));
-                let (colors, depth_format) = (color.as_slice(), depth.then_some(Format::D32Float));
+                let samples = if factor % 3 == 0 { Samples::Four } else { Samples::One };
+                let depth_format = depth.then_some(Format::D32Float);
+                let targets = TargetFormats::new(color).depth(depth_format).samples(samples);
                 let background = factor % 4 == 0;
                 let compiled = match background {
                     true => renderer
-                        .compile_in_background(&made(), colors, depth_format)
+                        .compile_in_background(&made(), &targets)
                         .and_then(compute::Compilation::wait),
-                    false => renderer.compile(&made(), colors, depth_format),
+                    false => renderer.compile(&made(), &targets),
                 };
                 let compiled = compiled.unwrap();
                 // Takes over what a thread has made.
-                drop(renderer.compile(&made(), colors, depth_format).unwrap());
+                drop(renderer.compile(&made(), &targets).unwrap());
                 let before = renderer.cached().pipelines_made;
-                renderer.render(&pass(made(), color, depth)).unwrap();
+                renderer.render(&pass(made(), color, depth).samples(samples)).unwrap();
                 let after = renderer.cached().pipelines_made;
                 assert_eq!(after, before, "{color:?} {depth} {discards} {background}");
                 drop(compiled);
@@ -158,19 +160,19 @@ void main() { color = vec4(at, 0.25, 1.0); }";
 fn equal_pipelines_are_compiled_once_in_the_background() {
     on_each_gpu("equal pipelines are compiled once in the background", |gpu| {
         let mut renderer = compute::Renderer::new(gpu).unwrap();
-        let color = [Format::Rgba8Unorm];
+        let color = Format::Rgba8Unorm;
+        let targets = TargetFormats::new([color]);
         let made = || pipeline(&fragment(1, true));
-        let started =
-            [0; 3].map(|_| renderer.compile_in_background(&made(), &color, None).unwrap());
+        let started = [0; 3].map(|_| renderer.compile_in_background(&made(), &targets).unwrap());
         let [first, second, third] = started.map(|started| started.wait().unwrap());
         drop((first, third));
-        let other = pass(pipeline(&fragment(2, true)), Some(color[0]), false);
+        let other = pass(pipeline(&fragment(2, true)), Some(color), false);
         for _ in 0..70 {
             renderer.render(&other).unwrap();
         }
         let before = renderer.cached().pipelines_made;
         assert_eq!(before, 3, "vertex, and two ordered");
-        renderer.render(&pass(made(), Some(color[0]), false)).unwrap();
+        renderer.render(&pass(made(), Some(color), false)).unwrap();
         assert_eq!(renderer.cached().pipelines_made, before);
         drop(second);
     });
@@ -180,12 +182,13 @@ fn equal_pipelines_are_compiled_once_in_the_background() {
 fn a_pipeline_stays_as_long_as_it_is_held() {
     on_each_gpu("a pipeline stays as long as it is held", |gpu| {
         let mut renderer = compute::Renderer::new(gpu).unwrap();
-        let color = [Format::Rgba8Unorm];
-        let compiled = renderer.compile(&pipeline(&fragment(1, true)), &color, None).unwrap();
+        let color = Format::Rgba8Unorm;
+        let targets = TargetFormats::new([color]);
+        let compiled = renderer.compile(&pipeline(&fragment(1, true)), &targets).unwrap();
         let also = compiled.clone();
         let kernels = renderer.cached().pipelines;
         assert_eq!(kernels, 2, "vertex and ordered");
-        let other = pass(pipeline(&fragment(2, true)), Some(color[0]), false);
+        let other = pass(pipeline(&fragment(2, true)), Some(color), false);
         for _ in 0..70 {
             renderer.render(&other).unwrap();
         }
@@ -202,20 +205,23 @@ fn a_pipeline_stays_as_long_as_it_is_held() {
 fn errors_come_when_the_pipeline_is_compiled() {
     on_each_gpu("errors come when the pipeline is compiled", |gpu| {
         let mut renderer = compute::Renderer::new(gpu).unwrap();
-        let color = [Format::Rgba8Unorm];
+        let color = Format::Rgba8Unorm;
+        let targets = TargetFormats::new([color]);
         let good = || pipeline(&fragment(1, false));
         let usage = |fault: Option<Error>, part: &str| match fault {
             Some(Error::Usage(text)) => assert!(text.contains(part), "{text}"),
             other => panic!("{part}: {other:?}"),
         };
-        let nine = [color[0]; 9];
-        usage(renderer.compile(&good(), &nine, None).err(), "9 colour targets");
-        usage(renderer.compile(&good(), &[Format::D32Float], None).err(), "D32Float");
-        usage(renderer.compile(&good(), &color, Some(color[0])).err(), "Rgba8Unorm");
+        let nine = TargetFormats::new([color; 9]);
+        usage(renderer.compile(&good(), &nine).err(), "9 colour targets");
+        let depth = TargetFormats::new([Format::D32Float]);
+        usage(renderer.compile(&good(), &depth).err(), "D32Float");
+        let no_depth = targets.clone().depth(color);
+        usage(renderer.compile(&good(), &no_depth).err(), "Rgba8Unorm");
         let mut bad = good();
         bad.fragment = bad.vertex.clone();
-        usage(renderer.compile(&bad, &color, None).err(), "pipeline `compile`");
-        usage(renderer.compile_in_background(&bad, &color, None).err(), "pipeline `compile`");
+        usage(renderer.compile(&bad, &targets).err(), "pipeline `compile`");
+        usage(renderer.compile_in_background(&bad, &targets).err(), "pipeline `compile`");
         let refused = pipeline(REFUSED);
         let shader = |fault: Option<Error>| match fault {
             Some(Error::Shader { reason, .. }) => {
@@ -223,18 +229,18 @@ fn errors_come_when_the_pipeline_is_compiled() {
             }
             other => panic!("{other:?}"),
         };
-        shader(renderer.compile(&refused, &color, None).err());
-        let started = renderer.compile_in_background(&refused, &color, None).unwrap();
+        shader(renderer.compile(&refused, &targets).err());
+        let started = renderer.compile_in_background(&refused, &targets).unwrap();
         shader(started.wait().err());
         // A pass that needs what a thread compiles waits for it, and so does the end of the renderer.
         let started: Vec<_> = (10..14)
             .map(|n| {
                 let made = pipeline(&fragment(n, true));
-                renderer.compile_in_background(&made, &color, None).unwrap()
+                renderer.compile_in_background(&made, &targets).unwrap()
             })
             .collect();
         let made = pipeline(&fragment(12, true));
-        renderer.render(&pass(made, Some(color[0]), false)).unwrap();
+        renderer.render(&pass(made, Some(color), false)).unwrap();
         drop(renderer);
         assert!(started.iter().all(compute::Compilation::is_done));
         started.into_iter().for_each(|compilation| drop(compilation.wait().unwrap()));

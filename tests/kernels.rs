@@ -262,6 +262,7 @@ fn patches_are_left_out_where_an_edge_has_them_outside() {
             let steps = [
                 "lib/exact.glsl",
                 "lib/depth_format.glsl",
+                "lib/samples.glsl",
                 "lib/depth.glsl",
                 "lib/patch.glsl",
                 "lib/block.glsl",
@@ -326,9 +327,10 @@ fn edges_are_exact_far_outside_the_screen() {
             .map(|_| std::array::from_fn(|_| ((random.bits() as i32) >> 8) >> random.below(20)))
             .collect();
         let body = "ivec2 a = ivec2(v.xy), b = ivec2(v.zw);
-            r = uvec4(uint(edge_at(a, b, ivec2(0), 8u)), uint(edge_at(a, b, ivec2(3840, 2560), 8u)),
-            uint(edge_bias(b.x - a.x, b.y - a.y)), 0u);";
-        let outputs: Vec<[i32; 4]> = probe(gpu, &["lib/wide.glsl", "lib/edge.glsl"], body, &inputs);
+            r = uvec4(uint(edge_at(a, b, ivec2(0), 8u).x), uint(edge_at(a, b, ivec2(3840, 2560), 8u).x),
+            uint(edge_bias(b.x - a.x, b.y - a.y)), uint(edge_at(a, b, ivec2(3840, 2560), 8u).y));";
+        let outputs: Vec<[i32; 4]> =
+            probe(gpu, &["lib/wide.glsl", "lib/samples.glsl", "lib/edge.glsl"], body, &inputs);
         for (v, r) in inputs.iter().zip(&outputs) {
             let [ax, ay, bx, by] = v.map(i64::from);
             let bias = if by < ay || (by == ay && bx > ax) { 0 } else { -1 };
@@ -338,6 +340,9 @@ fn edges_are_exact_far_outside_the_screen() {
             };
             assert_eq!(r[2] as i64, bias, "{v:?}");
             assert_eq!((r[0] as i64, r[1] as i64), (at(0, 0), at(3840, 2560)), "{v:?}");
+            // What a sample of a pixel needs of the bits that are lost.
+            let value = (bx - ax) * (2560 - ay) - (by - ay) * (3840 - ax) + bias;
+            assert_eq!(i64::from(r[3]), (value >> 4) & 15, "{v:?}");
         }
     });
 }

@@ -147,9 +147,9 @@ fn faults_in_stages_are_named() {
     let said_line = said(&[("raster.comp", &text)]);
     assert!(said_line.contains(&format!("line {line}: 'oops'")), "{said_line}");
     // What the engine looks for in a kernel.
-    let in_place = "layout(constant_id = SPEC_IN_PLACE) const";
-    let text = said(&[("raster.comp", &changed("raster.comp", in_place, "const"))]);
-    assert!(text.contains("no constant `IN_PLACE`"), "{text}");
+    let compare = "layout(constant_id = SPEC_COMPARE) const";
+    let text = said(&[("raster.comp", &changed("raster.comp", compare, "const"))]);
+    assert!(text.contains("no constant `COMPARE`"), "{text}");
     let text = said(&[("vertex.comp", &changed("vertex.comp", "tw_user_", "user_"))]);
     assert!(text.contains("tw_user_"), "{text}");
     let text = said(&[("primitive.comp", &changed("primitive.comp", "Triangles {", "Paint {"))]);

@@ -36,6 +36,7 @@ const WITHOUT_REFERENCE: &[(&str, &str)] = &[
     ),
     ("clear", "writes one value everywhere: its result is compared as the targets' first content"),
     ("narrow", "moves bytes: pictures of narrow formats are compared with what shaders wrote"),
+    ("resolve", "averages samples: its pictures are compared with averages of what was drawn"),
     ("vertex", "runs the user's shader: the reference takes the positions that it wrote"),
     ("shade", "runs the user's shader: its colours are compared with the classic pipeline's"),
     ("ordered", "runs the user's shader: its colours are compared with the classic pipeline's"),

@@ -8,7 +8,7 @@ pub mod varied;
 use crate::common::{self, random::Random};
 use std::sync::Arc;
 use tilewright::{
-    compare, compute,
+    Samples, compare, compute,
     format::{Format, VertexFormat},
     grid::Capacities,
     image::Extent,
@@ -105,8 +105,8 @@ fn pipeline(random: &mut Random, vertex: &Arc<Shader>, fragment: &Arc<Shader>) -
         .blend((random.below(4) == 0).then_some(Blend::ALPHA))
 }
 
-/// `pass` with a depth target of any format, and with draws that are bounded by the depths that are there, that are clamped to the
-/// depths of their viewport, or not clipped at them.
+/// `pass` with a depth target of any format and several samples, and with draws that are bounded by the depths that are there,
+/// that are clamped to the depths of their viewport, not clipped at them, or drawn to some of the samples.
 pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
     let mut random = Random::new(seed ^ 0x626f_756e_6473);
     if let Some(depth) = &mut pass.depth {
@@ -114,6 +114,13 @@ pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
         let is_cleared = matches!(depth.load, LoadOp::Clear(_)) && depth.image.is_none();
         let formats = [Format::D32Float, Format::D16Unorm, Format::X8D24Unorm];
         depth.format = formats[if is_cleared { random.below(3) } else { 0 }];
+        // Not each number with each format: drivers compile a kernel for every pair.
+        let several = match depth.format {
+            Format::D16Unorm => Samples::Two,
+            Format::X8D24Unorm => Samples::Eight,
+            _ => [Samples::Four, Samples::Sixteen][random.below(2)],
+        };
+        pass.samples = [Samples::One, several][random.below(2)];
     }
     for (draw, pipeline) in pass.draws.iter_mut().zip(&mut pass.pipelines) {
         if random.below(6) == 0 {
@@ -121,6 +128,10 @@ pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
             draw.depth_bounds = [depths[0].min(depths[1]), depths[0].max(depths[1])];
             let bounded = pipeline.depth.bounds(true);
             *pipeline = Arc::new((**pipeline).clone().depth(bounded));
+        }
+        if random.below(8) == 0 {
+            let mask = random.below(1 << 16) as u32;
+            *pipeline = Arc::new((**pipeline).clone().sample_mask(mask));
         }
         if random.below(5) == 0 {
             let clip = [None, None, Some(false), Some(true)][random.below(4)];

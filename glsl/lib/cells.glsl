@@ -16,15 +16,15 @@ uint cells_count(const uvec4 range) {
 }
 
 // Whether the triangle is listed in the cell at `cell` (column, row). A box of one cell is listed
-// untested.
-bool cell_lists(const ivec3 x, const ivec3 y, const uint level, const uvec4 range, const uvec2 cell, const uint origin_y) {
+// untested. `reach` is how far samples are from the centres of their pixels at most, in 1/256 pixel.
+bool cell_lists(const ivec3 x, const ivec3 y, const uint level, const uvec4 range, const uvec2 cell, const uint origin_y, const int reach) {
     if (range.xy == range.zw) return true;
     ivec2 origin = ivec2(cell << CELL_LOG2[level]) + ivec2(0, int(origin_y));
-    return edges_touch(x, y, origin, CELL_LOG2[level]);
+    return edges_touch(x, y, (origin << SUBPIXEL_BITS) - reach, CELL_LOG2[level]);
 }
 
 // The level at which a triangle is listed.
-uint cell_level(const ivec3 x, const ivec3 y, const uvec2 low, const uvec2 high, const uint origin_y) {
+uint cell_level(const ivec3 x, const ivec3 y, const uvec2 low, const uvec2 high, const uint origin_y, const int reach) {
     [[dont_unroll]] for (uint level = 0u; level < CELL_LEVELS - 1u; level++) {
         uvec4 range = cells_under(level, low, high);
         uint count = cells_count(range);
@@ -33,7 +33,7 @@ uint cell_level(const ivec3 x, const ivec3 y, const uvec2 low, const uvec2 high,
         uint touched = 0u;
         uvec2 cell = range.xy;
         [[dont_unroll]] while (cell.y <= range.w) {
-            touched += cell_lists(x, y, level, range, cell, origin_y) ? 1u : 0u;
+            touched += cell_lists(x, y, level, range, cell, origin_y, reach) ? 1u : 0u;
             cell = cell.x < range.z ? cell + uvec2(1u, 0u) : uvec2(range.x, cell.y + 1u);
         }
         if (touched <= MAX_CELLS) return level;

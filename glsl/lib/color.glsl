@@ -19,6 +19,10 @@ uint channels_of(const uint format) {
     return (format >> 6) + 1u;
 }
 
+bool is_integer(const uint format) {
+    return numeric_of(format) == NUMERIC_UINT || numeric_of(format) == NUMERIC_SINT;
+}
+
 // To 0..=1; NaN becomes 0 on every device.
 vec4 saturate(const vec4 c) {
     return vec4(c.r > 0.0 ? min(c.r, 1.0) : 0.0, c.g > 0.0 ? min(c.g, 1.0) : 0.0,

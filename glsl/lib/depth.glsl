@@ -9,6 +9,7 @@
 #define DEPTH_GLSL
 #include "lib/depth_format.glsl"
 #include "lib/exact.glsl"
+#include "lib/samples.glsl"
 
 // A gradient that is too small to change any depth becomes zero, so that no product is a denormal.
 float settled(const float a) {
@@ -66,28 +67,28 @@ float stored_depth(const float d) {
     return DEPTH_BITS == 0u ? kept : number_depth(depth_number(kept, DEPTH_BITS), DEPTH_BITS);
 }
 
-// Depth at the pixel in two steps: the first serves a whole column of pixels.
-float depth_of_column(const float z, const float dzdx, const int x) {
-    return multiply_add(dzdx, float(x), z);
+// Depth in two steps at a place in pixels from the centre of pixel (0, 0): the first serves a whole column of pixels.
+float depth_of_column(const float z, const float dzdx, const float x) {
+    return multiply_add(dzdx, x, z);
 }
 
 // As the target keeps it.
-float depth_in_column(const float column, const float dzdy, const vec3 adjustment, const int y) {
-    float d = multiply_add(dzdy, float(y), column);
+float depth_in_column(const float column, const float dzdy, const vec3 adjustment, const float y) {
+    float d = multiply_add(dzdy, y, column);
     return stored_depth(ADJUSTED ? limited_depth(d + adjustment.x, adjustment) : d);
 }
 
-float depth_at(const vec3 plane, const vec3 adjustment, const ivec2 pixel) {
-    return depth_in_column(depth_of_column(plane.x, plane.y, pixel.x), plane.z, adjustment, pixel.y);
+float depth_at(const vec3 plane, const vec3 adjustment, const vec2 place) {
+    return depth_in_column(depth_of_column(plane.x, plane.y, place.x), plane.z, adjustment, place.y);
 }
 
 // As shaders see it, beyond the limits too.
-float free_depth_at(const vec3 plane, const vec3 adjustment, const ivec2 pixel) {
-    return multiply_add(plane.z, float(pixel.y), depth_of_column(plane.x, plane.y, pixel.x)) + adjustment.x;
+float free_depth_at(const vec3 plane, const vec3 adjustment, const vec2 place) {
+    return multiply_add(plane.z, place.y, depth_of_column(plane.x, plane.y, place.x)) + adjustment.x;
 }
 
-// Bounds of the triangle's depth at the pixels from `origin` to `origin + last`: nothing is less than the
-// first, nothing greater than the second.
+// Bounds of the triangle's depth at the samples of the pixels from `origin` to `origin + last`: nothing is less than
+// the first, nothing greater than the second.
 vec2 depth_range(const vec3 plane, const vec3 adjustment, const ivec2 origin, const ivec2 last) {
     vec2 at = plane.yz * vec2(origin), end = plane.yz * vec2(last);
     float slack = (abs(plane.x) + abs(at.x) + abs(at.y) + abs(end.x) + abs(end.y)) * (1.0 / 1048576.0);
@@ -96,6 +97,8 @@ vec2 depth_range(const vec3 plane, const vec3 adjustment, const ivec2 origin, co
         slack += abs(adjustment.x) * (1.0 / 1048576.0);
         start += adjustment.x;
     }
+    // No sample is farther than half a pixel from the centre.
+    if (SAMPLES > 1u) slack += 0.50001 * (abs(plane.y) + abs(plane.z));
     float low = start + min(end.x, 0.0) + min(end.y, 0.0) - slack;
     float high = start + max(end.x, 0.0) + max(end.y, 0.0) + slack;
     if (ADJUSTED) {

@@ -27,7 +27,14 @@
 #define SPEC_WIDTH 0u
 #define SPEC_LANES 5u
 #define SPEC_COMPARE 1u
-#define SPEC_IN_PLACE 6u
+#define SPEC_HELD 6u
+#define SPEC_SAMPLES 10u
+#define SPEC_POSITIONS_0 11u
+#define SPEC_POSITIONS_1 12u
+#define SPEC_POSITIONS_2 13u
+#define SPEC_POSITIONS_3 14u
+#define SPEC_PER_SAMPLE 15u
+#define SPEC_RESOLVE_MODE 16u
 #define SPEC_ADJUSTED 8u
 #define SPEC_DEPTH_BITS 9u
 #define SPEC_FORMATS 2u
@@ -43,6 +50,7 @@
 #define MAX_DIVISOR 1048575u
 #define DEPTH_EARLY_TEST 0u
 #define DEPTH_LATE 1u
+#define DEPTH_WRITTEN 3u
 #define DEPTH_EARLY 2u
 #define NONE 4294967295u
 #define SEVERAL_CELLS 4294967294u
@@ -70,6 +78,9 @@
 #define DEPTH_STATE_BOUNDS 64u
 #define DEPTH_STATE_UNCLIPPED 128u
 #define DEPTH_STATE_COMPARE_SHIFT 3u
+#define SAMPLE_STATE_ALPHA_COVERS 256u
+#define SAMPLE_STATE_ALPHA_ONE 512u
+#define SAMPLE_STATE_MASK_SHIFT 16u
 #define BLEND_FACTOR_BITS 5u
 #define BLEND_TARGET_SHIFT 5u
 #define BLEND_OP_SHIFT 10u
@@ -201,6 +212,10 @@
 #define LOGIC_OP_OR_REVERSE 13u
 #define LOGIC_OP_OR 14u
 #define LOGIC_OP_SET 15u
+#define RESOLVE_MODE_AVERAGE 0u
+#define RESOLVE_MODE_SAMPLE_ZERO 1u
+#define RESOLVE_MODE_MIN 2u
+#define RESOLVE_MODE_MAX 3u
 #define PIXEL_COLUMN(i) (((i) >> 0 & 1u) | ((i) >> 1 & 6u) | ((i) >> 3 & 8u))
 #define PIXEL_ROW(i) (((i) >> 1 & 1u) | ((i) >> 3 & 6u) | ((i) >> 4 & 8u))
 #define PIXEL_NUMBER(x, y) (((x) & 1u) << 0 | ((x) & 6u) << 1 | ((x) & 8u) << 3 | ((y) & 1u) << 1 | ((y) & 6u) << 3 | ((y) & 8u) << 4)

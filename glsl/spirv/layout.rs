@@ -31,7 +31,14 @@ const _: () = assert!(abi::SPEC_FIRST == 65536, "SPEC_FIRST has changed: run `ca
 const _: () = assert!(abi::SPEC_WIDTH == 0, "SPEC_WIDTH has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_LANES == 5, "SPEC_LANES has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_COMPARE == 1, "SPEC_COMPARE has changed: run `cargo spirv`");
-const _: () = assert!(abi::SPEC_IN_PLACE == 6, "SPEC_IN_PLACE has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_HELD == 6, "SPEC_HELD has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_SAMPLES == 10, "SPEC_SAMPLES has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_POSITIONS_0 == 11, "SPEC_POSITIONS_0 has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_POSITIONS_1 == 12, "SPEC_POSITIONS_1 has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_POSITIONS_2 == 13, "SPEC_POSITIONS_2 has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_POSITIONS_3 == 14, "SPEC_POSITIONS_3 has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_PER_SAMPLE == 15, "SPEC_PER_SAMPLE has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_RESOLVE_MODE == 16, "SPEC_RESOLVE_MODE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_ADJUSTED == 8, "SPEC_ADJUSTED has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_DEPTH_BITS == 9, "SPEC_DEPTH_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_FORMATS == 2, "SPEC_FORMATS has changed: run `cargo spirv`");
@@ -47,6 +54,7 @@ const _: () = assert!(abi::ATTRIBUTE_DIVISOR_SHIFT == 12, "ATTRIBUTE_DIVISOR_SHI
 const _: () = assert!(abi::MAX_DIVISOR == 1048575, "MAX_DIVISOR has changed: run `cargo spirv`");
 const _: () = assert!(abi::DEPTH_EARLY_TEST == 0, "DEPTH_EARLY_TEST has changed: run `cargo spirv`");
 const _: () = assert!(abi::DEPTH_LATE == 1, "DEPTH_LATE has changed: run `cargo spirv`");
+const _: () = assert!(abi::DEPTH_WRITTEN == 3, "DEPTH_WRITTEN has changed: run `cargo spirv`");
 const _: () = assert!(abi::DEPTH_EARLY == 2, "DEPTH_EARLY has changed: run `cargo spirv`");
 const _: () = assert!(abi::NONE == 4294967295, "NONE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SEVERAL_CELLS == 4294967294, "SEVERAL_CELLS has changed: run `cargo spirv`");
@@ -74,6 +82,9 @@ const _: () = assert!(abi::DEPTH_STATE_ADJUSTED == 4, "DEPTH_STATE_ADJUSTED has 
 const _: () = assert!(abi::DEPTH_STATE_BOUNDS == 64, "DEPTH_STATE_BOUNDS has changed: run `cargo spirv`");
 const _: () = assert!(abi::DEPTH_STATE_UNCLIPPED == 128, "DEPTH_STATE_UNCLIPPED has changed: run `cargo spirv`");
 const _: () = assert!(abi::DEPTH_STATE_COMPARE_SHIFT == 3, "DEPTH_STATE_COMPARE_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::SAMPLE_STATE_ALPHA_COVERS == 256, "SAMPLE_STATE_ALPHA_COVERS has changed: run `cargo spirv`");
+const _: () = assert!(abi::SAMPLE_STATE_ALPHA_ONE == 512, "SAMPLE_STATE_ALPHA_ONE has changed: run `cargo spirv`");
+const _: () = assert!(abi::SAMPLE_STATE_MASK_SHIFT == 16, "SAMPLE_STATE_MASK_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_FACTOR_BITS == 5, "BLEND_FACTOR_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_TARGET_SHIFT == 5, "BLEND_TARGET_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_OP_SHIFT == 10, "BLEND_OP_SHIFT has changed: run `cargo spirv`");
@@ -205,6 +216,10 @@ const _: () = assert!(state::LogicOp::Copy as u32 == 12, "LogicOp::Copy has chan
 const _: () = assert!(state::LogicOp::OrReverse as u32 == 13, "LogicOp::OrReverse has changed: run `cargo spirv`");
 const _: () = assert!(state::LogicOp::Or as u32 == 14, "LogicOp::Or has changed: run `cargo spirv`");
 const _: () = assert!(state::LogicOp::Set as u32 == 15, "LogicOp::Set has changed: run `cargo spirv`");
+const _: () = assert!(state::ResolveMode::Average as u32 == 0, "ResolveMode::Average has changed: run `cargo spirv`");
+const _: () = assert!(state::ResolveMode::SampleZero as u32 == 1, "ResolveMode::SampleZero has changed: run `cargo spirv`");
+const _: () = assert!(state::ResolveMode::Min as u32 == 2, "ResolveMode::Min has changed: run `cargo spirv`");
+const _: () = assert!(state::ResolveMode::Max as u32 == 3, "ResolveMode::Max has changed: run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, slot) == 0, "Attribute.slot differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, offset) == 4, "Attribute.offset differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, stride) == 8, "Attribute.stride differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
@@ -230,7 +245,8 @@ const _: () = assert!(std::mem::offset_of!(abi::Batch, fragment_kernel) == 88, "
 const _: () = assert!(std::mem::offset_of!(abi::Batch, fragment_kernels) == 92, "Batch.fragment_kernels differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Batch, traced) == 96, "Batch.traced differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Batch, followed) == 100, "Batch.followed differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
-const _: () = assert!(std::mem::size_of::<abi::Batch>() == 104, "Batch has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Batch, reach) == 104, "Batch.reach differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::size_of::<abi::Batch>() == 108, "Batch has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Clear, texels) == 0, "Clear.texels differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Clear, count) == 16, "Clear.count differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Clear, first) == 20, "Clear.first differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
@@ -282,7 +298,7 @@ const _: () = assert!(std::mem::offset_of!(abi::Piece, vertex_resources) == 108,
 const _: () = assert!(std::mem::offset_of!(abi::Piece, draw_id) == 112, "Piece.draw_id differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, front_face) == 116, "Piece.front_face differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, cut) == 120, "Piece.cut differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
-const _: () = assert!(std::mem::offset_of!(abi::Piece, depth_state) == 124, "Piece.depth_state differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Piece, fragment_state) == 124, "Piece.fragment_state differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, rect_min) == 128, "Piece.rect_min differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, rect_max) == 136, "Piece.rect_max differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, color_states) == 144, "Piece.color_states differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");

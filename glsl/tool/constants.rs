@@ -22,7 +22,7 @@ mod state;
 use std::fmt::Write as _;
 
 /// The modules that share constants with GLSL, with the name and the number of each constant.
-fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 11] {
+fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 12] {
     [
         ("abi", abi::CONSTANTS),
         ("format", format::Numeric::NUMBERS),
@@ -35,6 +35,7 @@ fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 11] {
         ("state", state::BlendFactor::NUMBERS),
         ("state", state::BlendOp::NUMBERS),
         ("state", state::LogicOp::NUMBERS),
+        ("state", state::ResolveMode::NUMBERS),
     ]
 }
 

@@ -8,6 +8,7 @@ use crate::{
     error::{Error, Result},
     format::{Format, VertexFormat},
     pass::{Pass, Pipeline, StepRate, VertexAttribute},
+    samples::Samples,
     shader::{Resource, Shader, Varying},
     state::{Cull, FrontFace, Topology},
     vk::{Gpu, compare_op, missing_feature, vertex_format, vk_format},
@@ -23,6 +24,7 @@ use std::{
 pub(super) struct Variant {
     colors: Vec<Format>,
     depth: Option<Format>,
+    samples: Samples,
     /// The resources, with run-time arrays as long as the longest that the pass binds.
     resources: Vec<Resource>,
 }
@@ -33,7 +35,8 @@ impl Variant {
         let variant = |pipeline: &Arc<Pipeline>| {
             let resources = pipeline.resources()?;
             let colors = pass.colors.iter().map(|color| color.format).collect();
-            Ok(Self { colors, depth: pass.depth.as_ref().map(|depth| depth.format), resources })
+            let depth = pass.depth.as_ref().map(|depth| depth.format);
+            Ok(Self { colors, depth, samples: pass.samples, resources })
         };
         let mut all: Vec<Self> = pass.pipelines.iter().map(variant).collect::<Result<_>>()?;
         // The run-time arrays of each pipeline, with the length that is bound to them.
@@ -82,11 +85,16 @@ impl Key {
             depth_clip,
             colors,
             logic_op,
+            sample_mask,
+            alpha_to_coverage,
+            alpha_to_one,
+            sample_shading,
         } = &*self.0;
         let state =
             (topology, cull, front_face, depth, (depth_clamp, depth_clip), colors, logic_op);
         let vertices = (vertex_bindings, vertex_attributes);
-        (vertex, fragment, specialization, vertices, state, &self.1)
+        let samples = (sample_mask, alpha_to_coverage, alpha_to_one, sample_shading);
+        (vertex, fragment, specialization, vertices, (state, samples), &self.1)
     }
 }
 
@@ -325,8 +333,14 @@ fn create(
         true => raster.push_next(&mut clip),
         false => raster,
     };
+    let sample_mask = [pipeline.sample_mask];
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
-        .rasterization_samples(vk::SampleCountFlags::TYPE_1);
+        .rasterization_samples(vk::SampleCountFlags::from_raw(variant.samples.count()))
+        .sample_mask(&sample_mask)
+        .alpha_to_coverage_enable(pipeline.alpha_to_coverage)
+        .alpha_to_one_enable(pipeline.alpha_to_one)
+        .sample_shading_enable(pipeline.sample_shading)
+        .min_sample_shading(1.0);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
         .depth_test_enable(variant.depth.is_some() && pipeline.depth.test)
         .depth_write_enable(variant.depth.is_some() && pipeline.depth.test && pipeline.depth.write)
@@ -349,6 +363,8 @@ fn create(
         (pipeline.depth.bounds, limits.depth_bounds, "depth bounds test (depthBounds)"),
         (has_second, limits.second_sources > 0, "second source (dualSrcBlend)"),
         (pipeline.depth_clamp, limits.clamps_depth, "depth clamp (depthClamp)"),
+        (pipeline.alpha_to_one, limits.alpha_to_one, "alpha to one (alphaToOne)"),
+        (pipeline.sample_shading, limits.sample_shading, "shading of samples (sampleRateShading)"),
         (
             clips_apart,
             limits.clips_depth_apart,

@@ -1,10 +1,12 @@
 //! The targets of a prepared pass: images, what they begin with, and where the host reads them.
 
 use crate::{
-    error::Result,
+    error::{Error, Result},
     format::Format,
     image::{self, Extent, texel::without_rest},
     pass::Pass,
+    samples::Samples,
+    state::ResolveMode,
     target::{LoadOp, StoreOp},
     vk::{
         Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Subresource,
@@ -29,9 +31,19 @@ pub(super) struct Target {
     view: vk::ImageView,
     begin: Begin,
     store: StoreOp,
+    /// What is drawn to, if pixels have several samples.
+    samples: Option<SampledImage>,
     /// `Some` for an image that was made for the pass: what fills the buffer, which the host reads. It is not part of
     /// the draws, so that their time does not include it.
     copy: Option<(Recording, Buffer<u8>)>,
+}
+
+/// An image of several samples, and how the target is made of it.
+struct SampledImage {
+    image: Image,
+    /// The image has it.
+    view: vk::ImageView,
+    resolve: vk::ResolveModeFlags,
 }
 
 /// What a target begins with.
@@ -47,18 +59,22 @@ impl Targets {
         let colors = pass.colors.iter().map(|color| {
             let value = |of| vk::ClearValue { color: clear_color(color.format, of) };
             let begin = Begin::new(gpu, &color.load, value)?;
-            let info = info("colour target", pass.extent, color.format);
+            let info = info("colour target", pass, color.format);
+            let resolve = match color.format.is_integer() {
+                true => ResolveMode::SampleZero,
+                false => ResolveMode::Average,
+            };
             let place = color.image.as_ref().map(|image| (image, color.subresource()));
-            Target::new(gpu, &info, place, begin, color.store)
+            Target::new(gpu, &info, place, begin, (color.store, resolve))
         });
         let depth = pass.depth.as_ref().map(|depth| {
             let value = |depth| vk::ClearValue {
                 depth_stencil: vk::ClearDepthStencilValue { depth, stencil: 0 },
             };
             let begin = Begin::new(gpu, &depth.load, value)?;
-            let info = info("depth target", pass.extent, depth.format);
+            let info = info("depth target", pass, depth.format);
             let place = depth.image.as_ref().map(|image| (image, depth.subresource()));
-            Target::new(gpu, &info, place, begin, depth.store)
+            Target::new(gpu, &info, place, begin, (depth.store, depth.resolve))
         });
         Ok(Self {
             extent: pass.extent,
@@ -73,8 +89,9 @@ impl Targets {
     }
 }
 
-fn info(name: &str, extent: Extent, format: Format) -> ImageInfo<'_> {
-    ImageInfo::new(name, extent, format, ImageUse::Attachment)
+fn info<'a>(name: &'a str, pass: &Pass, format: Format) -> ImageInfo<'a> {
+    let info = ImageInfo::new(name, pass.extent, format, ImageUse::Attachment);
+    ImageInfo { samples: pass.samples, ..info }
 }
 
 impl Begin {
@@ -93,18 +110,57 @@ impl Begin {
     }
 }
 
+impl SampledImage {
+    fn new(
+        gpu: &Gpu,
+        info: &ImageInfo<'_>,
+        begin: &Begin,
+        (store, resolve): (StoreOp, ResolveMode),
+    ) -> Result<Self> {
+        let lacks = |what: &str| {
+            Err(Error::Device(format!(
+                "{}: {} itself {what}; the compute executor does",
+                info.name,
+                gpu.info().name
+            )))
+        };
+        if !matches!(begin, Begin::Value(_)) {
+            return lacks("begins several samples of a pixel with one value for all pixels alone");
+        }
+        let resolve = match resolve {
+            ResolveMode::Average => vk::ResolveModeFlags::AVERAGE,
+            ResolveMode::SampleZero => vk::ResolveModeFlags::SAMPLE_ZERO,
+            ResolveMode::Min => vk::ResolveModeFlags::MIN,
+            ResolveMode::Max => vk::ResolveModeFlags::MAX,
+        };
+        let offered = gpu.0.draw_limits.depth_resolves;
+        if info.format.is_depth() && store == StoreOp::Store && !offered.contains(resolve) {
+            return lacks(&format!("resolves no depths by {resolve:?}"));
+        }
+        let image = Image::drawn(gpu, info)?;
+        let view = image.0.target_view(Subresource::default())?;
+        Ok(Self { image, view, resolve })
+    }
+}
+
 impl Target {
     fn new(
         gpu: &Gpu,
         info: &ImageInfo<'_>,
         place: Option<(&Image, Subresource)>,
         begin: Begin,
-        store: StoreOp,
+        (store, resolve): (StoreOp, ResolveMode),
     ) -> Result<Self> {
+        let samples = match info.samples {
+            Samples::One => None,
+            _ => Some(SampledImage::new(gpu, info, &begin, (store, resolve))?),
+        };
+        let info = &ImageInfo { samples: Samples::One, ..*info };
         if let Some((image, at)) = place {
             image.check_device(gpu)?;
             let view = image.0.target_view(at)?;
-            return Ok(Self { image: image.clone(), at, view, begin, store, copy: None });
+            let image = image.clone();
+            return Ok(Self { image, at, view, begin, store, samples, copy: None });
         }
         let image = Image::new(gpu, info)?;
         let at = Subresource::default();
@@ -119,7 +175,7 @@ impl Target {
             }
             StoreOp::Discard => None,
         };
-        Ok(Self { image, at, view, begin, store, copy })
+        Ok(Self { image, at, view, begin, store, samples, copy })
     }
 
     /// Records what comes before the draws.
@@ -136,6 +192,10 @@ impl Target {
             }
         };
         recorder.transition(&self.image, from, self.layout());
+        if let Some(samples) = &self.samples {
+            let nothing = vk::ImageLayout::UNDEFINED;
+            recorder.transition(&samples.image, nothing, self.layout());
+        }
         Ok(())
     }
 
@@ -146,13 +206,24 @@ impl Target {
 
     /// How the draws take it.
     pub fn attachment(&self) -> vk::RenderingAttachmentInfo<'static> {
-        let info = vk::RenderingAttachmentInfo::default()
-            .image_view(self.view)
-            .image_layout(self.layout())
-            .store_op(match self.store {
-                StoreOp::Store => vk::AttachmentStoreOp::STORE,
-                StoreOp::Discard => vk::AttachmentStoreOp::DONT_CARE,
-            });
+        let info = vk::RenderingAttachmentInfo::default().image_layout(self.layout());
+        let info = match (&self.samples, self.store) {
+            (None, StoreOp::Store) => {
+                info.image_view(self.view).store_op(vk::AttachmentStoreOp::STORE)
+            }
+            (None, StoreOp::Discard) => {
+                info.image_view(self.view).store_op(vk::AttachmentStoreOp::DONT_CARE)
+            }
+            (Some(samples), StoreOp::Store) => info
+                .image_view(samples.view)
+                .store_op(vk::AttachmentStoreOp::DONT_CARE)
+                .resolve_mode(samples.resolve)
+                .resolve_image_view(self.view)
+                .resolve_image_layout(self.layout()),
+            (Some(samples), StoreOp::Discard) => {
+                info.image_view(samples.view).store_op(vk::AttachmentStoreOp::DONT_CARE)
+            }
+        };
         match &self.begin {
             Begin::Value(value) => info.load_op(vk::AttachmentLoadOp::CLEAR).clear_value(*value),
             Begin::Image | Begin::Picture(_) => info.load_op(vk::AttachmentLoadOp::LOAD),

@@ -8,6 +8,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     image::Extent,
+    samples::Samples,
     scene::Scene,
 };
 use std::{
@@ -78,6 +79,8 @@ pub struct View {
     pub scene: SceneName,
     /// Size of the picture.
     pub extent: Extent,
+    /// Samples of a pixel.
+    pub samples: Samples,
     /// The camera.
     pub camera: CameraChoice,
     /// Vertical field of view in degrees, if it is not the camera's own.
@@ -125,6 +128,7 @@ impl RenderPlan {
     pub fn new(args: &RenderArgs) -> Result<Self> {
         let view =
             View::new(SceneName::new(&args.scene.scene)?, args.scene.size, &args.scene.view)?;
+        let view = View { samples: args.samples, ..view };
         if args.output.extension().is_some_and(|ending| !ending.eq_ignore_ascii_case("png")) {
             messages::line(format_args!(
                 "warning: {} will be a PNG, whatever its name says",
@@ -180,6 +184,7 @@ impl View {
         Ok(Self {
             scene,
             extent,
+            samples: Samples::One,
             camera,
             fov: args.fov,
             background: args.background,

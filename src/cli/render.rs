@@ -54,6 +54,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome> {
             "scene": plan.view.scene.to_string(),
             "backend": plan.backend.name(),
             "extent": [plan.view.extent.width, plan.view.extent.height],
+            "samples": plan.view.samples.count(),
             "triangles": scene_view.triangles(),
             "draws": scene_view.pass.draws.len(),
             "scene_triangles": scene_view.scene.triangles(),

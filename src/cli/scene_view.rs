@@ -60,8 +60,11 @@ impl SceneView {
             messages::line(format_args!("warning: {warning}"));
         }
         let camera = camera(&scene, view)?;
-        let mut options =
-            PassOptions { background: view.background.map(linear), ..Default::default() };
+        let mut options = PassOptions {
+            background: view.background.map(linear),
+            samples: view.samples,
+            ..Default::default()
+        };
         let translucent = view.background.is_some_and(|[.., alpha]| alpha < 255);
         if translucent {
             // The colours are divided by alpha later, which needs more than 8 bits.

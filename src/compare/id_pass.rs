@@ -19,6 +19,7 @@ use crate::{
     format::Format,
     pass::{Draw, Pass, Pipeline, instance_alone, pipeline_alone},
     prebuilt,
+    samples::Samples,
     shader::{Shader, Stage},
     target::{ColorTarget, DepthTarget, StoreOp},
 };
@@ -90,6 +91,7 @@ pub fn id_pass(pass: &Pass) -> Result<IdPass> {
         extent: pass.extent,
         colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
         depth,
+        samples: Samples::One,
         pipelines,
         draws,
     };
@@ -181,6 +183,9 @@ fn id_pipeline(pipeline: &Pipeline, id_shader: Arc<Shader>) -> Pipeline {
         depth,
         colors: Vec::new(),
         logic_op: None,
+        sample_mask: u32::MAX,
+        alpha_to_coverage: false,
+        alpha_to_one: false,
         ..pipeline.clone()
     }
 }
@@ -232,6 +237,7 @@ mod tests {
             extent: Extent::new(8, 8),
             colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [1.0; 4])],
             depth: None,
+            samples: Samples::One,
             pipelines: pipelines.into_iter().map(Arc::new).collect(),
             draws,
         }

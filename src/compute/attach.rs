@@ -1,15 +1,16 @@
 //! The targets of a pass, and the recording of what a band's rows begin with and of what becomes of them at its end:
 //! the load and store operations.
 //!
-//! Narrow texels go by a buffer of their own and a kernel on the way between an image and the rows.
-//!
-//! At the beginning, rows are cleared, or copied from the target's image or from a picture. At the end, they are copied
-//! to the image.
+//! At the beginning, samples are cleared, or rows are copied from the target's image or from a picture. At the end, rows are
+//! copied to the image. Narrow texels go by a buffer of their own and a kernel on the way between an image and the rows. If
+//! pixels have several samples, a kernel brings rows to samples and back; otherwise they are the same memory.
 
 use super::{
     clear,
-    narrow::{self, Way},
-    target::Target,
+    kernels::Kernels,
+    maker::KernelRequest,
+    narrow, resolve,
+    target::{Plane, Target},
 };
 use crate::{
     abi,
@@ -18,7 +19,9 @@ use crate::{
     grid::Grid,
     image::texel,
     pass::Pass,
-    target::{ClearColor, LoadOp, StoreOp},
+    samples::Samples,
+    state::ResolveMode,
+    target::{ClearColor, ColorTarget, DepthTarget, LoadOp, StoreOp},
     vk::{Arena, Buffer, Gpu, Image, Kernel, Recorder, Subresource},
 };
 use std::ops::Range;
@@ -28,10 +31,10 @@ pub struct Attachments {
     /// By number. A list of fixed length takes no memory of its own.
     colors: [Option<Attachment<ClearColor>>; MAX_COLORS],
     pub depth: Option<Attachment<f32>>,
+    /// Samples of a pixel.
+    pub samples: Samples,
     /// Bounds that hold for any depth, one for each bin of a band, if depth is loaded.
     any_bounds: Option<Buffer<[f32; 2]>>,
-    /// Brings texels to images, or takes them from there, if there are narrow ones.
-    narrow: Option<Kernel>,
 }
 
 const MAX_COLORS: usize = abi::MAX_COLORS as usize;
@@ -44,6 +47,10 @@ pub struct Attachment<T> {
     /// Its level and its layer.
     pub subresource: Subresource,
     store: StoreOp,
+    /// Brings narrow texels to the image, or takes them from there, if there are any.
+    narrow: Option<Kernel>,
+    /// Makes texels of samples, or samples of texels, if it is needed.
+    resolve: Option<Kernel>,
 }
 
 /// What a target begins with.
@@ -54,35 +61,101 @@ enum Begin<T> {
     Picture(Buffer<u8>),
 }
 
+/// What is done with a target, whatever its values are.
+struct Use<'a> {
+    format: Format,
+    image: (&'a Option<Image>, Subresource),
+    is_loaded: bool,
+    store: StoreOp,
+    samples: Samples,
+    resolve: ResolveMode,
+}
+
+impl<'a> Use<'a> {
+    fn of_color(color: &'a ColorTarget, samples: Samples) -> Self {
+        Self {
+            format: color.format,
+            image: (&color.image, color.subresource()),
+            is_loaded: color.load.clear_value().is_none(),
+            store: color.store,
+            samples,
+            resolve: match color.format.is_integer() {
+                true => ResolveMode::SampleZero,
+                false => ResolveMode::Average,
+            },
+        }
+    }
+
+    fn of_depth(depth: &'a DepthTarget, samples: Samples) -> Self {
+        Self {
+            format: depth.format,
+            image: (&depth.image, depth.subresource()),
+            is_loaded: depth.load.clear_value().is_none(),
+            store: depth.store,
+            samples,
+            resolve: depth.resolve,
+        }
+    }
+
+    /// Whether its texels are others in its image than in the rows.
+    fn is_narrow(&self) -> bool {
+        self.image.0.is_some() && narrow::is_narrow(self.format)
+    }
+
+    fn narrow(&self) -> Option<KernelRequest> {
+        self.is_narrow().then_some(KernelRequest::Narrow)
+    }
+
+    fn resolve(&self) -> Option<KernelRequest> {
+        let has_texels = self.is_loaded || self.store == StoreOp::Store;
+        (has_texels && self.samples != Samples::One).then_some(KernelRequest::Resolve(
+            self.format,
+            self.samples,
+            self.resolve,
+        ))
+    }
+}
+
+/// The kernel that resolves several samples of a target of `format`, unless the target asks for another way.
+pub fn resolve(format: Format, samples: Samples) -> Option<KernelRequest> {
+    match format.is_depth() {
+        true => Use::of_depth(&DepthTarget::cleared(1.0).format(format), samples).resolve(),
+        false => Use::of_color(&ColorTarget::cleared(format, [0.0; 4]), samples).resolve(),
+    }
+}
+
+/// The kernels that the targets of `pass` need.
+pub fn wanted(pass: &Pass) -> impl Iterator<Item = KernelRequest> {
+    let colors = pass.colors.iter().map(|color| Use::of_color(color, pass.samples));
+    let depth = pass.depth.iter().map(|depth| Use::of_depth(depth, pass.samples));
+    colors.chain(depth).flat_map(|one| [one.narrow(), one.resolve()]).flatten()
+}
+
 impl Attachments {
-    /// Those of `pass`, which is valid, with bands up to the size of `band`. `narrow` makes that kernel.
+    /// Those of `pass`, which is valid, with bands up to the size of `band`.
     pub fn new(
         gpu: &Gpu,
         arena: &mut Arena,
         (pass, band): (&Pass, &Grid),
-        narrow: impl FnOnce() -> Result<Kernel>,
+        kernels: &mut Kernels,
     ) -> Result<Self> {
         let mut colors = [const { None }; MAX_COLORS];
-        for (attachment, c) in colors.iter_mut().zip(&pass.colors) {
-            let place = (&c.image, c.subresource());
-            *attachment = Some(Attachment::new(gpu, c.format, place, &c.load, c.store)?);
+        for (attachment, color) in colors.iter_mut().zip(&pass.colors) {
+            let of = Use::of_color(color, pass.samples);
+            *attachment = Some(Attachment::new(gpu, kernels, &of, &color.load)?);
         }
         let depth = pass.depth.as_ref();
-        let depth = depth.map(|d| {
-            let load = match &d.load {
-                LoadOp::Clear(depth) => LoadOp::Clear(texel::kept_depth(d.format, *depth)),
+        let depth = depth.map(|depth| {
+            let load = match &depth.load {
+                LoadOp::Clear(value) => LoadOp::Clear(texel::kept_depth(depth.format, *value)),
                 load => load.clone(),
             };
-            Attachment::new(gpu, d.format, (&d.image, d.subresource()), &load, d.store)
+            Attachment::new(gpu, kernels, &Use::of_depth(depth, pass.samples), &load)
         });
         let depth = depth.transpose()?;
-        let mut narrow_ones = colors.iter().flatten().map(Attachment::is_narrow);
-        let is_narrow =
-            narrow_ones.any(|narrow| narrow) || depth.as_ref().is_some_and(Attachment::is_narrow);
-        let narrow = is_narrow.then(narrow).transpose()?;
-        let loaded = depth.as_ref().filter(|depth| !matches!(depth.begin, Begin::Value(_)));
+        let loaded = depth.as_ref().filter(|depth| depth.is_loaded());
         let any_bounds = loaded.map(|_| arena.push(&vec![[0.0, 1.0]; band.bins() as usize]));
-        Ok(Self { colors, depth, any_bounds: any_bounds.transpose()?, narrow })
+        Ok(Self { colors, depth, samples: pass.samples, any_bounds: any_bounds.transpose()? })
     }
 
     /// The colour targets, in their order.
@@ -90,7 +163,7 @@ impl Attachments {
         self.colors.iter().flatten()
     }
 
-    /// The colour targets with the bytes of a band's colour that each of them has.
+    /// The colour targets with the bytes of a band's rows that each of them has. Of its samples, it has as many times more.
     pub fn planes(
         &self,
         band: &Grid,
@@ -103,72 +176,55 @@ impl Attachments {
         })
     }
 
-    /// Bytes of a pixel of all colour targets.
+    /// Bytes of a sample of all colour targets.
     pub fn row_bytes(&self) -> usize {
         self.colors().map(|color| color.format.row_bytes()).sum()
     }
 
     /// Most bytes of a pixel of a target that the kernel `narrow` brings to an image or takes from one.
     pub fn narrow_bytes(&self) -> Option<usize> {
-        let bytes = |is_narrow: bool, format: Format| is_narrow.then(|| format.texel_bytes());
-        let colors = self.colors().filter_map(|color| bytes(color.is_narrow(), color.format));
-        let depth = self.depth.iter().filter_map(|depth| bytes(depth.is_narrow(), depth.format));
+        let bytes = |narrow: &Option<Kernel>, format: Format| {
+            narrow.is_some().then(|| format.texel_bytes())
+        };
+        let colors = self.colors().filter_map(|color| bytes(&color.narrow, color.format));
+        let depth = self.depth.iter().filter_map(|depth| bytes(&depth.narrow, depth.format));
         colors.chain(depth).max()
     }
 
-    /// The kernel that a target needs on the way to its image and back, if it does.
-    fn narrows<T: Copy>(&self, target: &Attachment<T>) -> Option<&Kernel> {
-        self.narrow.as_ref().filter(|_| target.is_narrow())
-    }
-
-    /// Records what the rows of `target` begin with, which are those of `band`. `kernel` clears.
+    /// Records what the rows of `target` begin with, which are those of `band`. `clear` is that kernel.
     pub fn begin(
         &self,
         recorder: &mut Recorder,
-        kernel: &Kernel,
+        clear: &Kernel,
         (band, target): (&Grid, &Target),
     ) -> Result<()> {
-        let begin = |recorder: &mut Recorder, color: &Attachment<_>, bytes: Range<usize>| {
-            let rows = || target.color.cast()?.slice(bytes.clone());
-            match (&color.begin, self.narrows(color), target.texels.as_ref()) {
-                (Begin::Value(value), ..) => {
-                    clear::color(recorder, kernel, target, (color.format, &bytes), *value)
-                }
-                (Begin::Image(_), Some(narrow), Some(texels)) => color.load_narrow(
-                    recorder,
-                    narrow,
-                    band,
-                    (&target.color, bytes.start / 4),
-                    texels,
-                ),
-                _ => color.load(recorder, band, &rows()?),
+        let begin = |recorder: &mut Recorder, color: &Attachment<_>, rows: Range<usize>| {
+            let plane = target.color_plane(rows);
+            match &color.begin {
+                Begin::Value(value) => clear::color(recorder, clear, &plane, color.format, *value),
+                _ => color.load(recorder, band, &plane),
             }
         };
         // All of them have one buffer, which kernels bind as a whole: only one goes at the same time as depth, if a single
         // command brings its rows to what they begin with.
-        let goes_alone = |color: &Attachment<_>| self.narrows(color).is_some();
-        for (n, (color, bytes)) in self.planes(band).enumerate() {
-            if n > 0 || goes_alone(color) {
-                begin(recorder, color, bytes)?;
+        for (n, (color, rows)) in self.planes(band).enumerate() {
+            if n > 0 || color.goes_alone() {
+                begin(recorder, color, rows)?;
             }
         }
-        let narrow_depth = match (&self.depth, target.texels.as_ref()) {
-            (Some(depth), Some(texels)) if matches!(depth.begin, Begin::Image(_)) => {
-                self.narrows(depth).map(|narrow| (depth, narrow, texels))
-            }
-            _ => None,
-        };
-        if let Some((depth, narrow, texels)) = narrow_depth {
-            depth.load_narrow(recorder, narrow, band, (&target.depth.cast()?, 0), texels)?;
+        let loaded = self.depth.as_ref().filter(|depth| depth.is_loaded());
+        if let Some(depth) = loaded.filter(|depth| depth.goes_alone()) {
+            depth.load(recorder, band, &target.depth_plane()?)?;
         }
         recorder.group(|recorder| {
-            if let Some((color, bytes)) = self.planes(band).next().filter(|(c, _)| !goes_alone(c)) {
-                begin(recorder, color, bytes)?;
+            let first = self.planes(band).next();
+            if let Some((color, rows)) = first.filter(|(color, _)| !color.goes_alone()) {
+                begin(recorder, color, rows)?;
             }
             match (&self.depth, &self.any_bounds) {
                 (Some(depth), Some(bounds)) => {
-                    if narrow_depth.is_none() {
-                        depth.load(recorder, band, &target.depth.cast()?)?;
+                    if !depth.goes_alone() {
+                        depth.load(recorder, band, &target.depth_plane()?)?;
                     }
                     let bins = target.bin_bounds.len();
                     recorder.copy(&bounds.slice(0..bins)?, &target.bin_bounds)
@@ -186,36 +242,19 @@ impl Attachments {
 
     /// Records what becomes of the rows of `target`, which are those of `band` and complete.
     pub fn end(&self, recorder: &mut Recorder, (band, target): (&Grid, &Target)) -> Result<()> {
-        for (color, bytes) in self.planes(band) {
-            match (self.narrows(color), &target.texels) {
-                (Some(narrow), Some(texels)) => {
-                    let rows = (&target.color, bytes.start / 4);
-                    color.store_narrow(recorder, narrow, band, rows, texels)?;
-                }
-                _ => color.store(recorder, band, &target.color.cast()?.slice(bytes)?)?,
-            }
+        for (color, rows) in self.planes(band) {
+            color.end(recorder, band, &target.color_plane(rows))?;
         }
-        match (&self.depth, &target.texels) {
-            (Some(depth), Some(texels)) if depth.is_narrow() => {
-                let Some(narrow) = self.narrows(depth) else { return Ok(()) };
-                let rows = (&target.depth.cast()?, 0);
-                depth.store_narrow(recorder, narrow, band, rows, texels)?;
-            }
-            (Some(depth), _) => depth.store(recorder, band, &target.depth.cast()?)?,
-            (None, _) => {}
+        match &self.depth {
+            Some(depth) => depth.end(recorder, band, &target.depth_plane()?),
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 
 impl<T: Copy> Attachment<T> {
-    fn new(
-        gpu: &Gpu,
-        format: Format,
-        (image, subresource): (&Option<Image>, Subresource),
-        load: &LoadOp<T>,
-        store: StoreOp,
-    ) -> Result<Self> {
+    fn new(gpu: &Gpu, kernels: &mut Kernels, of: &Use<'_>, load: &LoadOp<T>) -> Result<Self> {
+        let (format, (image, subresource), store) = (of.format, of.image, of.store);
         if let Some(image) = image {
             image.check_device(gpu)?;
             image.0.check_copied(matches!(load, LoadOp::Load), store == StoreOp::Store)?;
@@ -237,12 +276,25 @@ impl<T: Copy> Attachment<T> {
                 return Err(Error::Usage("a target without an image has nothing to load".into()));
             }
         };
-        Ok(Self { begin, format, image: image.clone(), subresource, store })
+        let mut kernel = |request: Option<KernelRequest>| {
+            request.map(|request| kernels.one(&request)).transpose()
+        };
+        let (narrow, resolve) = (kernel(of.narrow())?, kernel(of.resolve())?);
+        Ok(Self { begin, format, image: image.clone(), subresource, store, narrow, resolve })
     }
 
-    /// Whether its texels are others in its image than in the rows.
-    fn is_narrow(&self) -> bool {
-        self.image.is_some() && narrow::is_narrow(self.format)
+    /// Whether it takes several commands to begin with what it loads.
+    fn goes_alone(&self) -> bool {
+        self.is_loaded() && (self.narrow.is_some() || self.resolve.is_some())
+    }
+
+    fn is_loaded(&self) -> bool {
+        !matches!(self.begin, Begin::Value(_))
+    }
+
+    /// Whether it has rows beside its samples.
+    pub fn resolves(&self) -> bool {
+        self.resolve.is_some()
     }
 
     /// Whether the host reads the rows.
@@ -255,59 +307,56 @@ impl<T: Copy> Attachment<T> {
         self.store == StoreOp::Store
     }
 
-    /// Copies to `rows` what they begin with, unless that is one value.
-    fn load(&self, recorder: &mut Recorder, band: &Grid, rows: &Buffer<u8>) -> Result<()> {
-        match &self.begin {
-            Begin::Value(_) => Ok(()),
-            Begin::Image(image) => {
-                recorder.copy_from_image(image, self.subresource, band.rows(), rows)
+    /// Brings `plane` to what it begins with, unless that is one value.
+    fn load(&self, recorder: &mut Recorder, band: &Grid, plane: &Plane<'_>) -> Result<()> {
+        let pixels = band.extent.pixels();
+        match (&self.begin, &self.narrow) {
+            (Begin::Value(_), _) => return Ok(()),
+            (Begin::Image(image), Some(narrow)) => {
+                let texels = plane.texels()?;
+                recorder.copy_from_image(image, self.subresource, band.rows(), &texels.cast()?)?;
+                let way = (narrow::Way::ToRows, pixels);
+                narrow::record(recorder, narrow, plane.rows(), (self.format, texels), way)?;
             }
-            Begin::Picture(picture) => {
+            (Begin::Image(image), None) => {
+                let rows = plane.row_bytes()?;
+                recorder.copy_from_image(image, self.subresource, band.rows(), &rows)?;
+            }
+            (Begin::Picture(picture), _) => {
                 let Grid { origin_y, extent, .. } = *band;
                 let first = origin_y as usize * extent.width as usize * self.format.row_bytes();
-                recorder.copy(&picture.slice(first..first + rows.len())?, rows)
+                let rows = plane.row_bytes()?;
+                recorder.copy(&picture.slice(first..first + rows.len())?, &rows)?;
             }
+        }
+        match &self.resolve {
+            Some(kernel) => {
+                let way = (resolve::Way::ToSamples, pixels);
+                resolve::record(recorder, kernel, plane.samples(), plane.rows(), way)
+            }
+            None => Ok(()),
         }
     }
 
-    /// As [`Attachment::load`] from an image, by way of `texels`, to the rows that begin with a word of a buffer.
-    fn load_narrow(
-        &self,
-        recorder: &mut Recorder,
-        narrow: &Kernel,
-        band: &Grid,
-        rows: (&Buffer<u32>, usize),
-        texels: &Buffer<u32>,
-    ) -> Result<()> {
-        self.load(recorder, band, &texels.cast()?)?;
-        let way = (Way::ToRows, band.extent.pixels());
-        narrow::record(recorder, narrow, rows, (self.format, texels), way)
-    }
-
-    /// As [`Attachment::store`], by way of `texels`, of the rows that begin with a word of a buffer.
-    fn store_narrow(
-        &self,
-        recorder: &mut Recorder,
-        narrow: &Kernel,
-        band: &Grid,
-        rows: (&Buffer<u32>, usize),
-        texels: &Buffer<u32>,
-    ) -> Result<()> {
+    /// Brings `plane` to where it is kept: the rows for the host, or the image.
+    fn end(&self, recorder: &mut Recorder, band: &Grid, plane: &Plane<'_>) -> Result<()> {
         if !self.is_stored() {
             return Ok(());
         }
-        let way = (Way::FromRows, band.extent.pixels());
-        narrow::record(recorder, narrow, rows, (self.format, texels), way)?;
-        self.store(recorder, band, &texels.cast()?)
-    }
-
-    /// Copies `rows` to the image, if there is one that keeps them.
-    fn store(&self, recorder: &mut Recorder, band: &Grid, rows: &Buffer<u8>) -> Result<()> {
-        match &self.image {
-            Some(image) if self.is_stored() => {
-                recorder.copy_to_image(rows, image, self.subresource, band.rows())
-            }
-            _ => Ok(()),
+        let pixels = band.extent.pixels();
+        if let Some(kernel) = &self.resolve {
+            let way = (resolve::Way::FromSamples, pixels);
+            resolve::record(recorder, kernel, plane.samples(), plane.rows(), way)?;
         }
+        let Some(image) = &self.image else { return Ok(()) };
+        let from = match &self.narrow {
+            Some(narrow) => {
+                let (texels, way) = (plane.texels()?, (narrow::Way::FromRows, pixels));
+                narrow::record(recorder, narrow, plane.rows(), (self.format, texels), way)?;
+                texels.cast()?
+            }
+            None => plane.row_bytes()?,
+        };
+        recorder.copy_to_image(&from, image, self.subresource, band.rows())
     }
 }

@@ -3,7 +3,7 @@
 //! Reads: nothing. Writes: colour, depth. Contract and kernel: `glsl/clear.comp`, which is needed only
 //! where a colour is no repetition of one word; the device fills the rest by itself.
 
-use super::target::Target;
+use super::target::{Plane, Target};
 use crate::{
     abi::{self, Clear},
     error::Result,
@@ -13,24 +13,24 @@ use crate::{
     target::ClearColor,
     vk::{Kernel, Recorder},
 };
-use std::ops::Range;
 
-/// Clears the colour target of this format. It has the `bytes` of the colour of the band.
+/// Clears the samples of the colour target `plane`, which has this format.
 pub fn color(
     recorder: &mut Recorder,
     kernel: &Kernel,
-    target: &Target,
-    (format, bytes): (Format, &Range<usize>),
+    plane: &Plane<'_>,
+    format: Format,
     color: ClearColor,
 ) -> Result<()> {
     let texel = texel::encode(format, color);
+    let (samples, bytes) = (plane.samples().0, plane.sample_bytes());
     let texels = match format.row_bytes() {
         4 => [texel[0]; 4],
         8 => [texel[0], texel[1], texel[0], texel[1]],
         _ => texel,
     };
     if texels == [texels[0]; 4] {
-        let words = target.color.slice(bytes.start / 4..bytes.end / 4)?;
+        let words = samples.slice(bytes.start / 4..bytes.end / 4)?;
         return recorder.fill(&words, texels[0]);
     }
     // A plane has room for whole times four words (`abi::PLANE_PIXELS`).
@@ -38,7 +38,7 @@ pub fn color(
     let lanes = abi::GROUP * abi::CLEAR_ROUNDS;
     recorder
         .kernel(kernel)
-        .bind("Color", &target.color.cast::<[u32; 4]>()?)
+        .bind("Color", &samples.cast::<[u32; 4]>()?)
         .push(&Clear { texels, count, first })
         .dispatch(grid::groups(count, lanes))
 }

@@ -1,17 +1,15 @@
 //! Pipelines that are compiled before a pass needs them, if wanted by a thread.
 
 use super::{
-    Renderer,
+    Renderer, attach,
     kernels::{self, Kernels},
-    maker::{Depths, KernelRequest, Maker, STACK_BYTES},
-    narrow,
+    maker::{Fragments, KernelRequest, Maker, STACK_BYTES},
 };
 use crate::{
     error::{Error, Result},
-    format::Format,
-    pass::{Pass, Pipeline, check_color_targets, check_outputs},
+    pass::{Pass, Pipeline, check_color_targets, check_outputs, check_samples},
     plan::PipelineKernels,
-    target::ColorTarget,
+    target::TargetFormats,
     vk::{Kernel, generate_code},
 };
 use std::{
@@ -55,9 +53,9 @@ impl Compilation {
 }
 
 impl Renderer {
-    /// Compiles `pipeline` for passes whose targets have these formats, so that the first of them finds it compiled. There is
-    /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, the pipeline is
-    /// another one, as with targets of other formats. [`Renderer::compile_pass`] takes the formats from a pass,
+    /// Compiles `pipeline` for passes with such targets, so that the first of them finds it compiled. There is
+    /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, or with several samples,
+    /// the pipeline is another one, as with targets of other formats. [`Renderer::compile_pass`] takes the formats from a pass,
     /// and finds out whether depths are adjusted in it, by a bias or by a clamp, which takes other kernels.
     ///
     /// Drivers for CPUs generate code when a kernel is dispatched for the first time, which takes longest of all. So on them
@@ -70,14 +68,9 @@ impl Renderer {
     /// # Errors
     /// [`Error::Usage`] if the pipeline contradicts itself, or if a format is not one of such a target; [`Error::Shader`] if a
     /// shader is out of reach; [`Error::Device`] if the driver refuses a kernel.
-    pub fn compile(
-        &mut self,
-        pipeline: &Pipeline,
-        colors: &[Format],
-        depth: Option<Format>,
-    ) -> Result<Compiled> {
-        let kernels =
-            self.kernels.get(wanted((pipeline, pipeline.adjusts_depths()), colors, depth)?)?;
+    pub fn compile(&mut self, pipeline: &Pipeline, targets: &TargetFormats) -> Result<Compiled> {
+        let adjusted = pipeline.adjusts_depths();
+        let kernels = self.kernels.get(wanted((pipeline, adjusted), targets)?)?;
         Ok(Compiled { _kernels: kernels.into() })
     }
 
@@ -88,14 +81,10 @@ impl Renderer {
     pub fn compile_in_background(
         &mut self,
         pipeline: &Pipeline,
-        colors: &[Format],
-        depth: Option<Format>,
+        targets: &TargetFormats,
     ) -> Result<Compilation> {
-        Ok(Compilation(self.kernels.start(wanted(
-            (pipeline, pipeline.adjusts_depths()),
-            colors,
-            depth,
-        )?)))
+        let adjusted = pipeline.adjusts_depths();
+        Ok(Compilation(self.kernels.start(wanted((pipeline, adjusted), targets)?)))
     }
 
     /// As [`Renderer::compile`], all pipelines of `pass` for its targets.
@@ -118,8 +107,7 @@ impl Renderer {
 
 /// The kernels that `pass` needs, each once.
 fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
-    let colors: Vec<_> = pass.colors.iter().map(|color| color.format).collect();
-    let depth = pass.depth.as_ref().map(|depth| depth.format);
+    let targets = TargetFormats::of(pass);
     let adjusts = pass.draws.iter().any(|draw| {
         pass.pipelines.get(draw.pipeline).is_some_and(|pipeline| pipeline.adjusts_depth(draw))
     });
@@ -129,7 +117,7 @@ fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
         let mut of_pipeline = pass.draws.iter().filter(|draw| draw.pipeline == n);
         let plain = of_pipeline.any(|draw| !pipeline.adjusts_depth(draw));
         for adjusted in [plain.then_some(false), adjusts.then_some(true)].into_iter().flatten() {
-            for one in wanted((pipeline, adjusted), &colors, depth)? {
+            for one in wanted((pipeline, adjusted), &targets)? {
                 if !all.contains(&one) {
                     all.push(one);
                 }
@@ -137,27 +125,22 @@ fn wanted_by(pass: &Pass) -> Result<Vec<KernelRequest>> {
         }
         // No draw uses it.
         if !plain && !adjusts {
-            all.extend(wanted((pipeline, pipeline.adjusts_depths()), &colors, depth)?);
+            all.extend(wanted((pipeline, pipeline.adjusts_depths()), &targets)?);
         }
     }
-    let is_narrow = |color: &ColorTarget| color.image.is_some() && narrow::is_narrow(color.format);
-    let mut depth = pass.depth.iter();
-    if pass.colors.iter().any(is_narrow)
-        || depth.any(|depth| depth.image.is_some() && narrow::is_narrow(depth.format))
-    {
-        all.push(KernelRequest::Narrow);
-    }
+    all.extend(attach::wanted(pass));
     Ok(all)
 }
 
-/// The kernels that passes with targets of these formats need for `pipeline`, with adjusted depths or without.
+/// The kernels that passes with such targets need for `pipeline`, with adjusted depths or without.
 fn wanted(
     (pipeline, adjusted): (&Pipeline, bool),
-    colors: &[Format],
-    depth: Option<Format>,
+    targets: &TargetFormats,
 ) -> Result<Vec<KernelRequest>> {
+    let TargetFormats { colors, depth, samples } = targets;
     pipeline.validate()?;
     check_color_targets(colors.len())
+        .and_then(|()| check_samples(pipeline, *samples))
         .and_then(|()| check_outputs(pipeline, colors.iter().copied()))
         .map_err(|fault| Error::Usage(format!("pipeline `{}`: {fault}", pipeline.label)))?;
     if let Some(format) = depth.filter(|format| !format.is_depth()) {
@@ -165,9 +148,12 @@ fn wanted(
     }
     let formats = kernels::color_formats(colors.iter().copied())?;
     let PipelineKernels { vertex, fragment, method } =
-        PipelineKernels::of(pipeline, colors.len(), depth.is_some());
+        PipelineKernels::of(pipeline, (colors.len(), depth.is_some(), *samples));
+    let kind = Fragments::new(adjusted, *depth, *samples);
     let mut wanted = vec![KernelRequest::Vertex(vertex)];
-    wanted.extend(kernels::of_method((method, Depths::new(adjusted, depth)), fragment, formats));
+    wanted.extend(kernels::of_method((method, kind), fragment, formats));
+    let formats = colors.iter().chain(depth);
+    wanted.extend(formats.filter_map(|format| attach::resolve(*format, *samples)));
     Ok(wanted)
 }
 

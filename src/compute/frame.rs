@@ -34,7 +34,7 @@ use std::ops::Range;
 /// | `cell_ends` | end of a cell's list | scan, scatter | raster, ordered |
 /// | `entries` | key in a cell's list | scatter, sort | raster, ordered |
 /// | `bins`, `bin_args` | non-empty bin; dispatch over them | scan | raster, ordered |
-/// | `visibility` | keys that the pixels of a quad show | raster, ordered | shade |
+/// | `visibility` | keys that the pixels of a quad show, sample by sample | raster, ordered | shade |
 /// | `shade_bins`, `shade_args` | bin of a fragment kernel and what covers it; dispatch over them | raster | shade |
 pub struct Buffers {
     pub attributes: Buffer<Attribute>,
@@ -131,14 +131,14 @@ impl Setup {
         copies: Copies,
     ) -> Result<Setup> {
         // The first band is the largest.
-        let mut bands = Grid::bands(pass.extent, pass.row_bytes());
+        let mut bands = Grid::bands(pass.extent, pass.row_bytes(), pass.samples);
         let band = bands.next().expect("a target has a band");
         let capacities = plan.capacities();
-        let attachments =
-            Attachments::new(gpu, workspace.arena, (pass, &band), || kernels.narrow())?;
+        let attachments = Attachments::new(gpu, workspace.arena, (pass, &band), kernels)?;
         let fragment_kernels =
             plan.batches.iter().map(|b| b.fragment_kernels.len()).max().unwrap_or(1);
         let vertices = capacities.vertices as usize;
+        let samples = pass.samples.count() as usize;
         let varying_words = capacities.varying_words + Capacities::VARYING_OVERHANG;
         let Workspace { scratch, arena, kernels: found } = workspace;
         let buffers = Buffers {
@@ -156,7 +156,7 @@ impl Setup {
             entries: scratch.get(gpu, "entries", capacities.entries() as usize)?,
             bins: scratch.get(gpu, "bins", band.bins() as usize)?,
             bin_args: scratch.get(gpu, "bin arguments", 3)?,
-            visibility: scratch.get(gpu, "visibility", band.padded_pixels() / 4)?,
+            visibility: scratch.get(gpu, "visibility", samples * band.padded_pixels() / 4)?,
             shade_args: scratch.get(gpu, "shade arguments", fragment_kernels)?,
             shade_bins: scratch.get(gpu, "shade bins", fragment_kernels * band.bins() as usize)?,
             commands: match plan.most_commands() {
@@ -174,6 +174,7 @@ impl Setup {
             (
                 color_formats(pass.colors.iter().map(|c| c.format))?,
                 pass.depth.as_ref().map(|d| d.format),
+                pass.samples,
             ),
             &mut kernels_of_plan,
         )?;
@@ -183,7 +184,7 @@ impl Setup {
 
     /// The bands of the targets.
     pub fn bands(&self) -> impl Iterator<Item = Grid> + use<> {
-        Grid::bands(self.extent, self.attachments.row_bytes())
+        Grid::bands(self.extent, self.attachments.row_bytes(), self.attachments.samples)
     }
 
     /// Memory for the rows of `band`.
@@ -301,6 +302,7 @@ impl Setup {
             piece_first: batch.piece_first,
             piece_count: batch.piece_count,
             fragment_kernels: batch.fragment_kernels.len() as u32,
+            reach: self.attachments.samples.reach(),
             ..band_push(band)
         }
     }

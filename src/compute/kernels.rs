@@ -2,13 +2,14 @@
 
 use super::{
     compile::Pending,
-    maker::{Depths, KernelRequest, Maker, in_parallel},
+    maker::{Fragments, KernelRequest, Maker, in_parallel},
 };
 use crate::{
     error::{Error, Result},
     format::Format,
     kept::Kept,
     plan::{BatchPlan, KernelKey, Method, Plan},
+    samples::Samples,
     target::check_color_format,
     vk::{Kernel, generate_code},
 };
@@ -113,13 +114,13 @@ impl Kernels {
         Ok(all)
     }
 
-    /// The kernel that brings narrow texels to images and takes them from there.
+    /// The kernel of `wanted`, made if it does not exist yet.
     ///
     /// # Errors
     /// As [`Kernels::make`].
-    pub fn narrow(&mut self) -> Result<Kernel> {
-        self.make([KernelRequest::Narrow])?;
-        Ok(self.made.get(&KernelRequest::Narrow).expect("it was made").clone())
+    pub fn one(&mut self, wanted: &KernelRequest) -> Result<Kernel> {
+        self.make([wanted.clone()])?;
+        Ok(self.made.get(wanted).expect("it was made").clone())
     }
 
     /// The kernels without users' shaders, if nobody has had their code generated yet.
@@ -174,13 +175,13 @@ impl Kernels {
     pub fn of_plan(
         &mut self,
         plan: &Plan,
-        (formats, depth): (ColorFormats, Option<Format>),
+        (formats, depth, samples): (ColorFormats, Option<Format>, Samples),
         found: &mut PlanKernels,
     ) -> Result<()> {
         let vertex = || plan.vertex_kernels.iter().map(|key| KernelRequest::Vertex(key.clone()));
         let of_batch = |batch: &BatchPlan, kernel: usize| {
             of_method(
-                (batch.method, Depths::new(batch.adjusted, depth)),
+                (batch.method, Fragments::new(batch.adjusted, depth, samples)),
                 plan.fragment_kernels[kernel].clone(),
                 formats,
             )
@@ -240,19 +241,19 @@ impl Kernels {
     }
 }
 
-/// The kernels that draw the fragments of a batch with such depths into colour targets.
+/// The kernels that draw the fragments of a batch into colour targets.
 pub fn of_method(
-    (method, depths): (Method, Depths),
+    (method, kind): (Method, Fragments),
     fragment: Arc<KernelKey>,
     formats: ColorFormats,
 ) -> impl Iterator<Item = KernelRequest> {
     let (raster, fragment) = match method {
         Method::Opaque { compare, shades } => (
-            Some(KernelRequest::Raster(compare, depths)),
-            shades.then_some(KernelRequest::Shade(fragment, formats, depths)),
+            Some(KernelRequest::Raster(compare, kind)),
+            shades.then_some(KernelRequest::Shade(fragment, formats, kind)),
         ),
         Method::Ordered { depth, .. } => {
-            (None, Some(KernelRequest::Ordered(fragment, formats, depths, depth)))
+            (None, Some(KernelRequest::Ordered(fragment, formats, kind, depth)))
         }
     };
     raster.into_iter().chain(fragment)

@@ -6,11 +6,12 @@ use crate::{
     error::Result,
     format::{Format, Packing},
     plan::KernelKey,
+    samples::Samples,
     shader::{
         Variant,
         splice::{Blocks, Derivatives, SpliceOptions, splice},
     },
-    state::Compare,
+    state::{Compare, ResolveMode},
     vk::{DeviceKind, Gpu, Kernel, KernelInfo},
 };
 use std::{
@@ -22,30 +23,46 @@ use std::{
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum KernelRequest {
     /// Raster with a depth comparison.
-    Raster(Compare, Depths),
+    Raster(Compare, Fragments),
+    /// Between the samples of a target of this format and one texel for each pixel.
+    Resolve(Format, Samples, ResolveMode),
     /// Between the rows of a target and texels that are others in its image.
     Narrow,
     /// Vertex shading.
     Vertex(Arc<KernelKey>),
     /// Shading of opaque work into colour targets of these formats.
-    Shade(Arc<KernelKey>, ColorFormats, Depths),
+    Shade(Arc<KernelKey>, ColorFormats, Fragments),
     /// Ordered work into colour targets of these formats, with a depth mode.
-    Ordered(Arc<KernelKey>, ColorFormats, Depths, u32),
+    Ordered(Arc<KernelKey>, ColorFormats, Fragments, u32),
 }
 
-/// What kernels are specialized for in the depths that they compute.
+/// What kernels are specialized for that make fragments.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Depths {
-    /// Whether they may be adjusted ([`abi::SPEC_ADJUSTED`]).
-    pub adjusted: bool,
+pub struct Fragments {
+    /// Whether depths may be adjusted ([`abi::SPEC_ADJUSTED`]).
+    adjusted: bool,
     /// [`abi::SPEC_DEPTH_BITS`].
-    pub bits: u32,
+    depth_bits: u32,
+    samples: Samples,
 }
 
-impl Depths {
-    /// Those for a depth target of `format`, if there is one.
-    pub fn new(adjusted: bool, format: Option<Format>) -> Self {
-        Self { adjusted, bits: format.map_or(0, Format::depth_bits) }
+impl Fragments {
+    /// Those for pixels of so many samples, and for a depth target of `format`, if there is one.
+    pub fn new(adjusted: bool, format: Option<Format>, samples: Samples) -> Self {
+        Self { adjusted, depth_bits: format.map_or(0, Format::depth_bits), samples }
+    }
+
+    fn constants(&self) -> [(&'static str, u32); 7] {
+        let [first, second, third, fourth] = self.samples.packed();
+        [
+            ("ADJUSTED", self.adjusted.into()),
+            ("DEPTH_BITS", self.depth_bits),
+            ("SAMPLES", self.samples.count()),
+            ("POSITIONS_0", first),
+            ("POSITIONS_1", second),
+            ("POSITIONS_2", third),
+            ("POSITIONS_3", fourth),
+        ]
     }
 }
 
@@ -109,19 +126,32 @@ impl Maker {
     pub fn make(&self, wanted: &KernelRequest) -> Result<Kernel> {
         let width = self.width;
         let (stage, words, key, constants) = match wanted {
-            KernelRequest::Raster(compare, depths) => {
+            KernelRequest::Raster(compare, fragments) => {
                 // Shared memory has no advantage on a CPU, and the driver does not access it by
-                // address.
-                let in_place = self.gpu.reads_by_address().into();
-                let constants = [
+                // address. On other devices it has room for a few samples of each pixel.
+                let in_place = self.gpu.reads_by_address() || fragments.samples > MOST_HELD_SAMPLES;
+                let held = abi::BIN_PIXELS * fragments.samples.count();
+                let mut constants = vec![
                     ("SUBGROUP_WIDTH", width),
                     ("COMPARE", *compare as u32),
-                    ("IN_PLACE", in_place),
-                    ("ADJUSTED", depths.adjusted.into()),
-                    ("DEPTH_BITS", depths.bits),
+                    ("HELD", if in_place { 1 } else { held }),
                 ];
+                constants.extend(fragments.constants());
                 let words = self.sources.words("raster.comp");
                 return self.kernel(&self.wide("raster", words, &constants));
+            }
+            KernelRequest::Resolve(format, samples, mode) => {
+                let format_number = if format.is_depth() { abi::NO_FORMAT } else { *format as u32 };
+                let constants = [
+                    ("FORMAT", format_number),
+                    ("MODE", *mode as u32),
+                    ("SAMPLES", samples.count()),
+                ];
+                let any_format = !format.is_depth() && !COMMON.contains(format);
+                let variant = Variant { any_format, ..Variant::PLAIN };
+                let words = self.sources.variant("resolve.comp", variant);
+                let info = KernelInfo::new("resolve", words);
+                return self.kernel(&KernelInfo { constants: &constants, ..info });
             }
             KernelRequest::Narrow => {
                 let words = self.sources.words("narrow.comp");
@@ -138,28 +168,14 @@ impl Maker {
                     self.sources.variant("vertex.comp", Variant { any_format, ..Variant::PLAIN });
                 ("vertex", words, key, vec![("LANES", vertex::lanes(width))])
             }
-            KernelRequest::Shade(key, formats, depths) => {
-                let (targets, [formats, more]) = (targets(*formats), halves(*formats));
-                let constants = vec![
-                    ("SUBGROUP_WIDTH", width),
-                    ("FORMATS", formats),
-                    ("MORE_FORMATS", more),
-                    ("ADJUSTED", depths.adjusted.into()),
-                    ("DEPTH_BITS", depths.bits),
-                ];
-                ("shade", self.sources.variant("shade.comp", targets), key, constants)
+            KernelRequest::Shade(key, formats, fragments) => {
+                let constants = self.shading(key, *formats, fragments);
+                ("shade", self.sources.variant("shade.comp", targets(*formats)), key, constants)
             }
-            KernelRequest::Ordered(key, formats, depths, depth) => {
-                let (targets, [formats, more]) = (targets(*formats), halves(*formats));
-                let constants = vec![
-                    ("SUBGROUP_WIDTH", width),
-                    ("FORMATS", formats),
-                    ("MORE_FORMATS", more),
-                    ("ADJUSTED", depths.adjusted.into()),
-                    ("DEPTH_BITS", depths.bits),
-                    ("DEPTH", *depth),
-                ];
-                ("ordered", self.sources.variant("ordered.comp", targets), key, constants)
+            KernelRequest::Ordered(key, formats, fragments, depth) => {
+                let mut constants = self.shading(key, *formats, fragments);
+                constants.push(("DEPTH", *depth));
+                ("ordered", self.sources.variant("ordered.comp", targets(*formats)), key, constants)
             }
         };
         let native = self.gpu.has_compute_derivatives();
@@ -182,6 +198,25 @@ impl Maker {
         let name = format!("{stage} {}", key.shader.label);
         let info = self.wide(&name, &spliced.spirv, &constants);
         self.kernel(&KernelInfo { constant_ids: &constant_ids, ..info })
+    }
+
+    /// The constants of a kernel that runs a fragment shader.
+    fn shading(
+        &self,
+        key: &KernelKey,
+        formats: ColorFormats,
+        fragments: &Fragments,
+    ) -> Vec<(&'static str, u32)> {
+        let [formats, more] = halves(formats);
+        let per_sample = key.per_sample && fragments.samples != Samples::One;
+        let mut constants = vec![
+            ("SUBGROUP_WIDTH", self.width),
+            ("FORMATS", formats),
+            ("MORE_FORMATS", more),
+            ("PER_SAMPLE", per_sample.into()),
+        ];
+        constants.extend(fragments.constants());
+        constants
     }
 
     /// A kernel that is made for full subgroups of one width.
@@ -226,6 +261,9 @@ const COMMON: [Format; 5] = [
     Format::Bgra8Srgb,
     Format::Rgba16Float,
 ];
+
+/// The most samples of a pixel whose depths and keys raster keeps in shared memory: 8 KiB of the 16 that every device has.
+const MOST_HELD_SAMPLES: Samples = Samples::Four;
 
 /// As two specialization constants.
 fn halves(formats: ColorFormats) -> [u32; 2] {

@@ -11,12 +11,13 @@
 //! binning    scan of the counts, scatter of the keys, sort where order matters
 //! raster     which triangle each pixel shows (opaque work)      | ordered  raster, shading and
 //! shade      the user's fragment shader at visible pixels       |          blending in API order
+//! resolve    texels of samples, once per band, where pixels have several samples
 //! ```
 //!
 //! A draw is *opaque* if the order of triangles does not decide its picture: the depth test is on, with a depth target, writes,
 //! and compares by `Less`, `LessOrEqual`, `Greater` or `GreaterOrEqual`; nothing blends; all channels of all colour targets are
-//! written, or none; and the fragment shader neither discards, nor writes depth, nor writes memory. All other draws are
-//! *ordered*, also those without any depth test.
+//! written, or none; the fragment shader neither discards, nor writes depth, nor writes memory; and neither it nor the pipeline
+//! chooses among the samples of a pixel. All other draws are *ordered*, also those without any depth test.
 //!
 //! [`Renderer::begin`] begins a frame: an [`Encoder`] records passes that draw to images of the device, in one submission
 //! that nobody waits for. [`Renderer::prepare`] records a pass once, one submission for each band;
@@ -38,6 +39,7 @@ mod ordered;
 mod prepared;
 mod primitive;
 mod raster;
+mod resolve;
 mod scratch;
 mod shade;
 mod slots;
@@ -66,7 +68,7 @@ use crate::{
 };
 use frame::{Setup, Workspace};
 use kernels::{Kernels, PlanKernels};
-use maker::{Depths, KernelRequest, Maker};
+use maker::{Fragments, KernelRequest, Maker};
 use prepared::Results;
 use scratch::Scratch;
 use slots::{TablePool, TableSlots, Tables};
@@ -303,15 +305,16 @@ impl Renderer {
             specialization: Vec::new(),
             attributes: Vec::new(),
             read: u32::MAX,
+            per_sample: false,
         });
         self.kernels.next_pass();
         match shader.stage {
             Stage::Vertex => self.kernels.make([KernelRequest::Vertex(key)]),
             Stage::Fragment => {
                 let format = kernels::color_formats([Format::Rgba8Srgb].into_iter())?;
-                let (depths, mode) = (Depths::default(), depth_mode(&shader.reflection));
-                let ordered = KernelRequest::Ordered(key.clone(), format, depths, mode);
-                self.kernels.make([KernelRequest::Shade(key, format, depths), ordered])
+                let (kind, mode) = (Fragments::default(), depth_mode(&shader.reflection));
+                let ordered = KernelRequest::Ordered(key.clone(), format, kind, mode);
+                self.kernels.make([KernelRequest::Shade(key, format, kind), ordered])
             }
         }
     }

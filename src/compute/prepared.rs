@@ -120,7 +120,7 @@ impl Results {
         let (extent, format) = (self.extent, attachment.format);
         let (mut bytes, wanted) = (Vec::new(), extent.pixels() * format.texel_bytes());
         bytes.try_reserve_exact(wanted).map_err(|_| no_memory("the picture", wanted as u64))?;
-        let bands = Grid::bands(extent, self.attachments.row_bytes());
+        let bands = Grid::bands(extent, self.attachments.row_bytes(), self.attachments.samples);
         for rows in self.targets.iter().zip(bands).filter_map(|(target, band)| rows(target, &band))
         {
             match narrow::is_narrow(format) {

@@ -32,6 +32,7 @@ impl Setup {
         let contents: Vec<_> = buffers.map(contents).collect::<Result<_>>()?;
         let (gpu, buffers) = self.parts();
         let gpu = &gpu.clone();
+        let samples = pass.samples.count() as usize;
         for band in &self.bands().collect::<Vec<_>>() {
             let target = self.target(workspace.scratch, band)?;
             let mut batches = Vec::new();
@@ -58,7 +59,7 @@ impl Setup {
                 if let Method::Opaque { .. } = batch.method {
                     let args = shade_args.read()?;
                     let args = &args[..batch.fragment_kernels.len()];
-                    show_covered(&mut visibility, band, args, &shade_bins.read()?);
+                    show_covered(&mut visibility, (band, samples), args, &shade_bins.read()?);
                 }
                 let names = Names { plan, batch, buffers: &contents[batch.table] };
                 shaded.extend(names.shaded(&positions.read()?));
@@ -67,7 +68,7 @@ impl Setup {
                     primitives: names.primitives(),
                     triangles: names.triangles(&triangles.read()?, self.extra_first()),
                     cells: lists(&ends.read()?[..band.cells as usize], &entries.read()?),
-                    visibility: rows(band, visibility.as_flattened()),
+                    visibility: rows((band, samples), &visibility),
                     depth: depth.read()?,
                 });
             }
@@ -217,11 +218,11 @@ fn elements(topology: u32, k: u32) -> [u32; 3] {
 /// for shading.
 fn show_covered(
     visibility: &mut [[u32; 4]],
-    band: &Grid,
+    (band, samples): (&Grid, usize),
     shade_args: &[[u32; 3]],
     shade_bins: &[[u32; 2]],
 ) {
-    let quads = (abi::BIN_PIXELS / 4) as usize;
+    let quads = samples * (abi::BIN_PIXELS / 4) as usize;
     for (list, [bins, ..]) in shade_bins.chunks(band.bins() as usize).zip(shade_args) {
         for &[bin, key] in list[..*bins as usize].iter().filter(|[_, key]| *key != 0) {
             let number = ((bin >> 16) * band.bins_x + (bin & 0xffff)) as usize;
@@ -242,13 +243,14 @@ fn lists(ends: &[u32], entries: &[u32]) -> Vec<Vec<u32>> {
     ends.iter().map(list).collect()
 }
 
-/// From bins to rows.
-fn rows<T: Copy>(band: &Grid, bins: &[T]) -> Vec<T> {
-    let mut rows = Vec::with_capacity(band.extent.pixels());
+/// From the quads of bins to the samples of pixels in rows.
+fn rows<T: Copy>((band, samples): (&Grid, usize), quads: &[[T; 4]]) -> Vec<T> {
+    let mut rows = Vec::with_capacity(samples * band.extent.pixels());
     for y in 0..band.extent.height {
         for x in 0..band.extent.width {
-            let bin = band.cell(0, x, y);
-            rows.push(bins[(bin * abi::BIN_PIXELS + pixel_number(x, y)) as usize]);
+            let pixel = (band.cell(0, x, y) * abi::BIN_PIXELS + pixel_number(x, y)) as usize;
+            let first = pixel / 4 * samples;
+            rows.extend(quads[first..first + samples].iter().map(|quad| quad[pixel % 4]));
         }
     }
     rows

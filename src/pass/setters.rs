@@ -6,6 +6,7 @@ use super::{
 };
 use crate::{
     image::Extent,
+    samples::Samples,
     shader::Shader,
     state::{
         Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, LogicOp, Rect, Topology,
@@ -21,6 +22,7 @@ use std::{ops::RangeInclusive, sync::Arc};
 impl Pass {
     setters! {
         extent: Extent,
+        samples: Samples,
         ;
         into
         colors: Vec<ColorTarget>,
@@ -46,6 +48,10 @@ impl Pipeline {
         front_face: FrontFace,
         depth: DepthState,
         depth_clamp: bool,
+        sample_mask: u32,
+        alpha_to_coverage: bool,
+        alpha_to_one: bool,
+        sample_shading: bool,
         ;
         into
         depth_clip: Option<bool>,

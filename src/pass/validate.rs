@@ -5,7 +5,7 @@ mod pipeline;
 mod sampling;
 mod targets;
 
-pub(crate) use pipeline::check_outputs;
+pub(crate) use pipeline::{check_outputs, check_samples};
 pub(crate) use targets::check_color_targets;
 
 use super::{Binding, BindingSet, BufferRange, Draw, IndexRanges, Pass, Pipeline};
@@ -51,6 +51,7 @@ impl Pass {
         for pipeline in &self.pipelines {
             let found = known.resources(pipeline);
             found
+                .and_then(|()| check_samples(pipeline, self.samples))
                 .and_then(|()| {
                     pipeline::check_outputs(pipeline, self.colors.iter().map(|c| c.format))
                 })

@@ -6,6 +6,7 @@ use crate::{
     error::{Error, Result},
     format::{Format, Numeric},
     pass::{Draw, Pipeline, StepRate, VertexAttribute},
+    samples::Samples,
     state::{BlendEquation, ColorState, DepthState, LogicOp, Topology},
 };
 use std::ops::Range;
@@ -148,8 +149,9 @@ impl Planning<'_> {
     ) -> Result<Option<Piece>> {
         let extent = self.pass.extent;
         let (viewport, scissor) = (draw.viewport_in(extent), draw.scissor_in(extent));
-        let (left, right) = pixel_span(viewport.x, viewport.width);
-        let (top, bottom) = pixel_span(viewport.y, viewport.height);
+        let several = self.pass.samples != Samples::One;
+        let (left, right) = pixel_span(several, viewport.x, viewport.width);
+        let (top, bottom) = pixel_span(several, viewport.y, viewport.height);
         let last = |start: u32, length: u32, limit: u32| {
             (u64::from(start) + u64::from(length)).min(u64::from(limit)) as i32 - 1
         };
@@ -193,9 +195,10 @@ impl Planning<'_> {
             rect_min,
             rect_max,
             cut: u32::from(rect_min != [0, 0] || rect_max != full),
-            depth_state: depth_state(&pipeline.depth, self.pass.depth.is_some())
+            fragment_state: depth_state(&pipeline.depth, self.pass.depth.is_some())
                 | if pipeline.adjusts_depth(draw) { abi::DEPTH_STATE_ADJUSTED } else { 0 }
-                | if pipeline.clips_depth() { 0 } else { abi::DEPTH_STATE_UNCLIPPED },
+                | if pipeline.clips_depth() { 0 } else { abi::DEPTH_STATE_UNCLIPPED }
+                | sample_state(pipeline),
             depth_bias: draw
                 .depth_bias
                 .map_or([0.0; 3], |bias| [bias.constant, bias.slope, bias.clamp]),
@@ -313,7 +316,14 @@ impl Planning<'_> {
     }
 }
 
-/// [`Piece::depth_state`].
+/// The part of [`Piece::fragment_state`] that concerns samples.
+fn sample_state(pipeline: &Pipeline) -> u32 {
+    let covers = if pipeline.alpha_to_coverage { abi::SAMPLE_STATE_ALPHA_COVERS } else { 0 };
+    let one = if pipeline.alpha_to_one { abi::SAMPLE_STATE_ALPHA_ONE } else { 0 };
+    covers | one | pipeline.sample_mask << abi::SAMPLE_STATE_MASK_SHIFT
+}
+
+/// The part of it that concerns depth.
 fn depth_state(depth: &DepthState, has_target: bool) -> u32 {
     let test = depth.test && has_target;
     let compare = (depth.compare as u32) << abi::DEPTH_STATE_COMPARE_SHIFT;
@@ -355,8 +365,12 @@ fn last_element(bytes: usize, attribute: &VertexAttribute, stride: u32) -> u32 {
     last.map_or(u32::MAX, |last| u32::try_from(last).unwrap_or(u32::MAX))
 }
 
-/// First and last pixel whose centre lies in `start..start + length`.
-fn pixel_span(start: f32, length: f32) -> (i32, i32) {
+/// First and last pixel whose centre lies in `start..start + length`; those that have a part there, if pixels have several
+/// samples.
+fn pixel_span(several: bool, start: f32, length: f32) -> (i32, i32) {
     let (low, high) = if length < 0.0 { (start + length, start) } else { (start, start + length) };
-    ((low - 0.5).ceil().max(0.0) as i32, (high - 0.5).ceil() as i32 - 1)
+    match several {
+        true => (low.floor().max(0.0) as i32, high.ceil() as i32 - 1),
+        false => ((low - 0.5).ceil().max(0.0) as i32, (high - 0.5).ceil() as i32 - 1),
+    }
 }

@@ -4,6 +4,7 @@ use super::{KernelKey, Method};
 use crate::{
     abi,
     pass::{Pipeline, StepRate, VertexAttribute, VertexBinding},
+    samples::Samples,
     shader::{Reflection, Shader, Varying},
     state::{Compare, LogicOp},
 };
@@ -24,19 +25,20 @@ impl Facts {
             let all = pipeline.specialization.iter();
             all.filter(|(id, _)| ids.contains(id)).copied().collect()
         };
-        let key = |shader: &Arc<Shader>, attributes, read| {
+        let key = |shader: &Arc<Shader>, attributes, read, per_sample| {
             Arc::new(KernelKey {
                 shader: shader.clone(),
                 specialization: own(&shader.reflection.specialization),
                 attributes,
                 read,
+                per_sample,
             })
         };
         let inputs = &pipeline.fragment.reflection.inputs;
         let locations = inputs.iter().map(|v| v.location + 1).max();
         Self {
-            vertex: key(&pipeline.vertex, attributes(pipeline), read_outputs(pipeline)),
-            fragment: key(&pipeline.fragment, Vec::new(), 0),
+            vertex: key(&pipeline.vertex, attributes(pipeline), read_outputs(pipeline), false),
+            fragment: key(&pipeline.fragment, Vec::new(), 0, pipeline.runs_per_sample()),
             varying_stride: 4 * locations.unwrap_or(0),
         }
     }
@@ -51,10 +53,10 @@ pub(crate) struct PipelineKernels {
 }
 
 impl PipelineKernels {
-    /// Those of `pipeline` in passes that have so many colour targets, and a depth target or not.
-    pub fn of(pipeline: &Pipeline, colors: usize, has_depth: bool) -> Self {
+    /// Those of `pipeline` in passes that have so many colour targets, a depth target or not, and so many samples.
+    pub fn of(pipeline: &Pipeline, targets: (usize, bool, Samples)) -> Self {
         let Facts { vertex, fragment, .. } = Facts::new(pipeline);
-        Self { vertex, fragment, method: method(pipeline, (colors, has_depth), 0) }
+        Self { vertex, fragment, method: method(pipeline, targets, 0) }
     }
 }
 
@@ -94,7 +96,7 @@ fn read_outputs(pipeline: &Pipeline) -> u32 {
 /// How a pipeline is drawn.
 pub(super) fn method(
     pipeline: &Pipeline,
-    (colors, has_depth): (usize, bool),
+    (colors, has_depth, samples): (usize, bool, Samples),
     kernel: usize,
 ) -> Method {
     let fragment = &pipeline.fragment.reflection;
@@ -104,7 +106,12 @@ pub(super) fn method(
     );
     let tested = has_depth && pipeline.depth.test && pipeline.depth.write && keyed;
     let overwrites = pipeline.logic_op.is_none_or(|op| op == LogicOp::Copy);
-    if tested && overwrites && !pipeline.depth.bounds && is_pure(fragment) {
+    // Opaque work knows of a pixel's samples which triangle they show, and not which ones a triangle covers.
+    let tells_samples = pipeline.sample_mask & samples.mask() != samples.mask()
+        || pipeline.alpha_to_coverage
+        || (samples != Samples::One && fragment.reads_coverage);
+    let unordered = tested && !pipeline.depth.bounds && !tells_samples && is_pure(fragment);
+    if unordered && overwrites && !pipeline.alpha_to_one {
         let compare = pipeline.depth.compare;
         let states = || (0..colors).map(|target| pipeline.color_state(target));
         if states().all(|state| !state.writes()) {
@@ -126,7 +133,9 @@ fn is_pure(fragment: &Reflection) -> bool {
 pub(crate) fn depth_mode(fragment: &Reflection) -> u32 {
     if fragment.early_fragment_tests || is_pure(fragment) {
         abi::DEPTH_EARLY
-    } else if fragment.writes_depth || fragment.has_side_effects {
+    } else if fragment.writes_depth {
+        abi::DEPTH_WRITTEN
+    } else if fragment.has_side_effects {
         abi::DEPTH_LATE
     } else {
         abi::DEPTH_EARLY_TEST

@@ -66,6 +66,8 @@ pub struct KernelKey {
     pub attributes: Vec<(u32, u32)>,
     /// A bit for each output location of a vertex shader that is read, as [`abi::SPEC_READ`] has it.
     pub read: u32,
+    /// Whether a fragment shader runs for each sample.
+    pub per_sample: bool,
 }
 
 /// How a batch is drawn.
@@ -336,7 +338,7 @@ impl Planning<'_> {
         PipelineInfo {
             method: method(
                 pipeline,
-                (self.pass.colors.len(), self.pass.depth.is_some()),
+                (self.pass.colors.len(), self.pass.depth.is_some(), self.pass.samples),
                 fragment_kernel,
             ),
             vertex_kernel,

@@ -7,17 +7,18 @@
 use crate::{
     abi,
     grid::{CELL_LOG2, Grid},
+    samples::Samples,
     trace::{Parts, Triangle, key},
 };
 
 /// The keys that each cell lists, ascending.
-pub fn run(grid: &Grid, primitives: &[Parts]) -> Vec<Vec<u32>> {
+pub fn run(grid: &Grid, samples: Samples, primitives: &[Parts]) -> Vec<Vec<u32>> {
     let mut cells = vec![Vec::new(); grid.cells as usize];
     for (number, parts) in primitives.iter().enumerate() {
         for (part, triangle) in parts.iter().enumerate() {
             let Some(triangle) = triangle else { continue };
-            let level = level(grid, triangle);
-            for (column, row) in touched(grid, triangle, level) {
+            let level = level(grid, samples, triangle);
+            for (column, row) in touched(grid, samples, triangle, level) {
                 let cell = grid.cell_first[level] + row * grid.cell_columns[level] + column;
                 cells[cell as usize].push(key(number, part));
             }
@@ -27,14 +28,14 @@ pub fn run(grid: &Grid, primitives: &[Parts]) -> Vec<Vec<u32>> {
 }
 
 /// The level at which a triangle is listed.
-pub fn level(grid: &Grid, triangle: &Triangle) -> usize {
+pub fn level(grid: &Grid, samples: Samples, triangle: &Triangle) -> usize {
     let coarsest = CELL_LOG2.len() - 1;
     (0..coarsest)
         .find(|&level| {
             let boxed = under_box(triangle, level).count() as u32;
             boxed <= abi::MAX_CELLS
                 || (boxed <= abi::MAX_CELLS_TESTED
-                    && touched(grid, triangle, level).count() as u32 <= abi::MAX_CELLS)
+                    && touched(grid, samples, triangle, level).count() as u32 <= abi::MAX_CELLS)
         })
         .unwrap_or(coarsest)
 }
@@ -48,7 +49,13 @@ fn under_box(triangle: &Triangle, level: usize) -> impl Iterator<Item = (u32, u3
 }
 
 /// Those of them that no edge has wholly outside; a single one is taken untested.
-fn touched(grid: &Grid, triangle: &Triangle, level: usize) -> impl Iterator<Item = (u32, u32)> {
+fn touched(
+    grid: &Grid,
+    samples: Samples,
+    triangle: &Triangle,
+    level: usize,
+) -> impl Iterator<Item = (u32, u32)> + use<> {
+    let reach = i64::from(samples.reach());
     let alone = under_box(triangle, level).nth(1).is_none();
     let size = 1i64 << CELL_LOG2[level];
     let origin_y = i64::from(grid.origin_y);
@@ -58,11 +65,12 @@ fn touched(grid: &Grid, triangle: &Triangle, level: usize) -> impl Iterator<Item
             || (0..3).all(|edge| {
                 let x = i64::from(column) * size;
                 let y = i64::from(row) * size + origin_y;
-                // The corner of the cell, one pixel past its last, that is farthest inside.
+                // The corner of the cell that is farthest inside. A cell begins so much before its first centre as samples are
+                // away from centres, and is as long as its pixels are.
                 let (dx, dy) = edge_step(&triangle, edge);
                 let x = if dx > 0 { x + size } else { x };
                 let y = if dy > 0 { y + size } else { y };
-                edge_at(&triangle, edge, x, y) >= 0
+                edge_at(&triangle, edge, [256 * x - reach, 256 * y - reach]) >= 0
             })
     })
 }
@@ -76,11 +84,12 @@ fn edge_step(triangle: &Triangle, edge: usize) -> (i64, i64) {
     )
 }
 
-/// An edge function at the centre of pixel (x, y): inside if not negative, top-left rule included.
-pub fn edge_at(triangle: &Triangle, edge: usize, x: i64, y: i64) -> i64 {
+/// An edge function at a place in 1/256 pixel from the centre of pixel (0, 0): inside if not negative, top-left rule
+/// included.
+pub fn edge_at(triangle: &Triangle, edge: usize, [x, y]: [i64; 2]) -> i64 {
     let (ax, ay) = (i64::from(triangle.x[edge]), i64::from(triangle.y[edge]));
     let (dx, dy) = edge_step(triangle, edge);
-    let value = dx * ((x << abi::SUBPIXEL_BITS) - ax) + dy * ((y << abi::SUBPIXEL_BITS) - ay);
+    let value = dx * (x - ax) + dy * (y - ay);
     // Left edges go up (dx > 0), top edges go right (dx == 0, dy > 0); they own their points.
     let owns = dx > 0 || (dx == 0 && dy > 0);
     if owns { value } else { value - 1 }

@@ -61,7 +61,7 @@ pub fn first_difference(pass: &Pass, trace: &Trace) -> Option<String> {
     if let Some(vertex) = trace.positions.contradiction() {
         return Some(format!("vertex: {vertex} has several positions"));
     }
-    let bands: Vec<Grid> = Grid::bands(pass.extent, pass.row_bytes()).collect();
+    let bands: Vec<Grid> = Grid::bands(pass.extent, pass.row_bytes(), pass.samples).collect();
     if bands.len() != trace.bands.len() {
         return Some(format!("{} bands against {}", trace.bands.len(), bands.len()));
     }
@@ -95,10 +95,10 @@ fn difference_in_band(
     all.next().map(|left| format!("assembly: no batch has {}", left.primitive))
 }
 
-/// The depth of the band's pixels before the first batch.
+/// The depth of the samples of the band's pixels before the first batch.
 fn depth_before(pass: &Pass, grid: &Grid) -> Vec<f32> {
-    let pixels = grid.extent.pixels();
-    match pass.depth.as_ref().map(|depth| &depth.load) {
+    let (pixels, samples) = (grid.extent.pixels(), pass.samples.count() as usize);
+    let of_pixels = match pass.depth.as_ref().map(|depth| &depth.load) {
         Some(LoadOp::Clear(depth)) => vec![kept(pass, *depth); pixels],
         Some(LoadOp::Picture(picture)) => {
             let first = grid.origin_y as usize * grid.extent.width as usize;
@@ -106,7 +106,8 @@ fn depth_before(pass: &Pass, grid: &Grid) -> Vec<f32> {
         }
         Some(LoadOp::Load) => unreachable!("a snapshot loads from no image"),
         None => vec![1.0; pixels],
-    }
+    };
+    of_pixels.into_iter().flat_map(|depth| std::iter::repeat_n(depth, samples)).collect()
 }
 
 /// What the depth target of `pass` keeps of a depth: the nearest one that its format holds.
@@ -130,7 +131,7 @@ fn missing(primitives: &[Assembled], positions: &Positions) -> Option<String> {
 /// What every stage should have written of a batch that begins with `depth`.
 fn batch(input: Input, mut depth: Vec<f32>) -> BatchTrace {
     let triangles = primitive::run(&input);
-    let cells = binning::run(input.grid, &triangles);
+    let cells = binning::run(input.grid, input.pass.samples, &triangles);
     let visibility = raster::run(&input, &triangles, &mut depth);
     let primitives = input.primitives.iter().map(|assembled| assembled.primitive).collect();
     BatchTrace { grid: *input.grid, primitives, triangles, cells, visibility, depth }

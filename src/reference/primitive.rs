@@ -8,6 +8,7 @@ use crate::{
     abi,
     grid::Grid,
     pass::Pipeline,
+    samples::Samples,
     state::{Cull, FrontFace},
     trace::{Parts, Positions, Triangle},
 };
@@ -44,7 +45,7 @@ fn parts(input: &Input, number: usize) -> Parts {
     let corners: Vec<_> = polygon.iter().map(|c| to_window(&assembled.window, c)).collect();
     let triangles = corners[1..].windows(2).map(|pair| {
         let corners = [corners[0], pair[0], pair[1]];
-        set_up(input.grid, input.pipeline(number), assembled, corners)
+        set_up((input.grid, input.pass.samples), input.pipeline(number), assembled, corners)
     });
     triangles.collect()
 }
@@ -137,7 +138,7 @@ pub(super) fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
 }
 
 fn set_up(
-    grid: &Grid,
+    (grid, samples): (&Grid, Samples),
     pipeline: &Pipeline,
     assembled: &Assembled,
     corners: [[f32; 3]; 3],
@@ -159,8 +160,8 @@ fn set_up(
         y.swap(1, 2);
     }
     let pixels = |[a, b, c]: [i32; 3], [low, high]: [i32; 2]| {
-        let first = (a.min(b).min(c) + 255).div_euclid(256).max(low);
-        let last = (a.max(b).max(c) - 1).div_euclid(256).min(high);
+        let first = (a.min(b).min(c) - samples.reach() + 255).div_euclid(256).max(low);
+        let last = (a.max(b).max(c) + samples.reach() - 1).div_euclid(256).min(high);
         (first <= last).then_some((first, last))
     };
     let Window { columns, rows: [top, bottom], cut, .. } = assembled.window;
@@ -186,7 +187,7 @@ fn set_up(
         level: 0,
         exponent: adjusted.then_some(largest.to_bits() >> 23),
     };
-    triangle.level = super::binning::level(grid, &triangle) as u32;
+    triangle.level = super::binning::level(grid, samples, &triangle) as u32;
     Some(triangle)
 }
 

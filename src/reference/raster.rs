@@ -1,6 +1,7 @@
-//! Raster and z-test: which triangle each pixel shows, and its depth.
+//! Raster and z-test: which triangle each sample shows, and its depth.
 //!
-//! Reads: triangles, the draws' depth state, the depth before the batch. Writes: visibility and depth, row by row.
+//! Reads: triangles, the draws' depth state, the depth before the batch. Writes: visibility and depth, row by row, the
+//! samples of a pixel one after the other.
 //! Contract: draws the triangles in API order, one after the other, as the API describes it; twin
 //! of `glsl/raster.comp`, and of `glsl/ordered.comp` where shaders neither discard nor write depth.
 
@@ -13,10 +14,11 @@ use crate::{
     trace::{Parts, Triangle, key},
 };
 
-/// Draws all of the batch; `depth` has the pixels of the band row by row. Returns the key of the
-/// triangle that wrote each pixel last, 0 where none did.
+/// Draws all of the batch; `depth` has the samples of the band's pixels row by row. Returns the key of the
+/// triangle that wrote each sample last, 0 where none did.
 pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
-    let mut visibility = vec![0; input.grid.extent.pixels()];
+    let samples = input.pass.samples.count() as usize;
+    let mut visibility = vec![0; samples * input.grid.extent.pixels()];
     for (number, parts) in primitives.iter().enumerate() {
         let state = match &input.pass.depth {
             Some(_) => input.pipeline(number).depth,
@@ -25,7 +27,7 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
         for (part, triangle) in parts.iter().enumerate() {
             let Some(triangle) = triangle else { continue };
             let key = key(number, part);
-            let of_draw = (state, &input.primitives[number]);
+            let of_draw = (state, input.pipeline(number).sample_mask, &input.primitives[number]);
             draw((input.pass, input.grid), of_draw, triangle, key, depth, &mut visibility);
         }
     }
@@ -34,7 +36,7 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
 
 fn draw(
     (pass, grid): (&Pass, &Grid),
-    (state, assembled): (DepthState, &Assembled),
+    (state, sample_mask, assembled): (DepthState, u32, &Assembled),
     t: &Triangle,
     key: u32,
     depth: &mut [f32],
@@ -44,38 +46,45 @@ fn draw(
     let bias = bias.map(|bias| bias_of(pass, bias, t));
     for y in t.first[1]..=t.last[1] {
         for x in t.first[0]..=t.last[0] {
-            if !covers(grid, t, x, y) {
-                continue;
-            }
-            let at = (y * grid.extent.width + x) as usize;
-            let z = kept(pass, depth_at(grid, (t, bias, depth_limits), x, y));
-            if state.bounds && !(least..=greatest).contains(&depth[at]) {
-                continue;
-            }
-            if state.test && !passes(state.compare, z, depth[at]) {
-                continue;
-            }
-            visibility[at] = key;
-            if state.test && state.write {
-                depth[at] = z;
+            for (s, &position) in pass.samples.positions().iter().enumerate() {
+                let place = place(grid, [x, y], position);
+                if sample_mask >> s & 1 == 0 || !covers(t, place) {
+                    continue;
+                }
+                let pixel = (y * grid.extent.width + x) as usize;
+                let at = pixel * pass.samples.count() as usize + s;
+                let z = kept(pass, depth_at((t, bias, depth_limits), place));
+                if state.bounds && !(least..=greatest).contains(&depth[at]) {
+                    continue;
+                }
+                if state.test && !passes(state.compare, z, depth[at]) {
+                    continue;
+                }
+                visibility[at] = key;
+                if state.test && state.write {
+                    depth[at] = z;
+                }
             }
         }
     }
 }
 
-/// Whether the triangle covers the centre of the band's pixel (x, y).
-pub fn covers(grid: &Grid, t: &Triangle, x: u32, y: u32) -> bool {
-    let (x, y) = (i64::from(x), i64::from(y + grid.origin_y));
-    (0..3).all(|edge| edge_at(t, edge, x, y) >= 0)
+/// A place of the target in 1/16 pixel from the centre of pixel (0, 0): that of a sample of the band's pixel, which is at
+/// `position` in it.
+fn place(grid: &Grid, [x, y]: [u32; 2], position: [u8; 2]) -> [i64; 2] {
+    let along = |pixel: u32, position: u8| 16 * i64::from(pixel) + i64::from(position) - 8;
+    [along(x, position[0]), along(y + grid.origin_y, position[1])]
+}
+
+fn covers(t: &Triangle, place: [i64; 2]) -> bool {
+    (0..3).all(|edge| edge_at(t, edge, place.map(|along| 16 * along)) >= 0)
 }
 
 fn depth_at(
-    grid: &Grid,
     (t, bias, [least, greatest]): (&Triangle, Option<f32>, [f32; 2]),
-    x: u32,
-    y: u32,
+    place: [i64; 2],
 ) -> f32 {
-    let (x, y) = (x as f32, (y + grid.origin_y) as f32);
+    let [x, y] = place.map(|along| along as f32 / 16.0);
     let z = multiply_add(t.dzdy, y, multiply_add(t.dzdx, x, t.z));
     let z = bias.map_or(z, |bias| z + bias);
     if z > least { z.min(greatest) } else { least }

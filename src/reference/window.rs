@@ -2,10 +2,12 @@
 //!
 //! Reads: draws, the extent of the target.
 //! Contract: Vulkan's, chapter "Controlling the Viewport" and section "Scissor Test". A pixel belongs to a draw if
-//! its centre lies in the viewport and the scissor contains it.
+//! its centre lies in the viewport and the scissor contains it. A pixel of several samples belongs to it if it has a part in
+//! the viewport: clipping finds which samples have.
 
 use crate::{
     pass::{Draw, Pass},
+    samples::Samples,
     state::{Rect, Viewport},
 };
 
@@ -30,8 +32,9 @@ impl Window {
         let extent = pass.extent;
         let Viewport { x, y, width, height, min_depth, max_depth } = draw.viewport_in(extent);
         let scissor: Rect = draw.scissor_in(extent);
-        let columns = pixels(extent.width, [x, x + width], scissor.x, scissor.width)?;
-        let rows = pixels(extent.height, [y, y + height], scissor.y, scissor.height)?;
+        let several = pass.samples != Samples::One;
+        let columns = pixels(several, extent.width, [x, x + width], (scissor.x, scissor.width))?;
+        let rows = pixels(several, extent.height, [y, y + height], (scissor.y, scissor.height))?;
         let whole = |length: u32| [0, length as i32 - 1];
         Some(Self {
             scale: [width / 2.0, height / 2.0, max_depth - min_depth],
@@ -45,12 +48,21 @@ impl Window {
 
 /// The first and the last of the target's `count` columns (or rows) that belong to a draw whose viewport has these
 /// two `edges` and whose scissor has `length` of them from `first` on.
-fn pixels(count: u32, edges: [f32; 2], first: u32, length: u32) -> Option<[i32; 2]> {
+fn pixels(
+    several: bool,
+    count: u32,
+    edges: [f32; 2],
+    (first, length): (u32, u32),
+) -> Option<[i32; 2]> {
     // A viewport of negative height has its top below its bottom.
     let (low, high) = (edges[0].min(edges[1]), edges[0].max(edges[1]));
     let belongs = |&pixel: &u32| {
-        let centre = pixel as f32 + 0.5;
-        low <= centre && centre < high && pixel >= first && pixel - first < length
+        let start = pixel as f32;
+        let inside = match several {
+            true => low < start + 1.0 && start < high,
+            false => low <= start + 0.5 && start + 0.5 < high,
+        };
+        inside && pixel >= first && pixel - first < length
     };
     let mut all = (0..count).filter(belongs);
     let first = all.next()?;
@@ -63,16 +75,26 @@ mod tests {
 
     #[test]
     fn a_pixel_belongs_if_its_centre_does() {
-        let whole = |edges| pixels(10, edges, 0, 10);
+        let whole = |edges| pixels(false, 10, edges, (0, 10));
         assert_eq!(whole([0.0, 10.0]), Some([0, 9]));
         assert_eq!(whole([10.0, 0.0]), Some([0, 9]));
         assert_eq!(whole([2.5, 4.5]), Some([2, 3]));
         assert_eq!(whole([2.6, 4.6]), Some([3, 4]));
         assert_eq!(whole([2.6, 3.4]), None);
         assert_eq!(whole([-9.0, 99.0]), Some([0, 9]));
-        assert_eq!(pixels(10, [0.0, 10.0], 4, 1), Some([4, 4]));
-        assert_eq!(pixels(10, [0.0, 10.0], 4, 99), Some([4, 9]));
-        assert_eq!(pixels(10, [0.0, 10.0], 4, 0), None);
-        assert_eq!(pixels(10, [0.0, 3.0], 4, 9), None);
+        let cut = |edges, scissor| pixels(false, 10, edges, scissor);
+        assert_eq!(cut([0.0, 10.0], (4, 1)), Some([4, 4]));
+        assert_eq!(cut([0.0, 10.0], (4, 99)), Some([4, 9]));
+        assert_eq!(cut([0.0, 10.0], (4, 0)), None);
+        assert_eq!(cut([0.0, 3.0], (4, 9)), None);
+    }
+
+    #[test]
+    fn a_pixel_of_several_samples_belongs_if_a_part_of_it_does() {
+        let whole = |edges| pixels(true, 10, edges, (0, 10));
+        assert_eq!(whole([0.0, 10.0]), Some([0, 9]));
+        assert_eq!(whole([2.9, 4.1]), Some([2, 4]));
+        assert_eq!(whole([3.0, 4.0]), Some([3, 3]));
+        assert_eq!(whole([2.6, 3.4]), Some([2, 3]));
     }
 }

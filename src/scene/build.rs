@@ -359,6 +359,10 @@ impl Pipelines<'_> {
             depth_clip: None,
             colors: vec![ColorState::default().blend(blended.then_some(Blend::ALPHA))],
             logic_op: None,
+            sample_mask: u32::MAX,
+            alpha_to_coverage: false,
+            alpha_to_one: false,
+            sample_shading: false,
         }
     }
 }

@@ -14,6 +14,7 @@ use crate::{
     format::Format,
     image::Extent,
     pass::{BindingSet, BufferRange, Draw, Indices, Pass},
+    samples::Samples,
     target::{ColorTarget, DepthTarget},
 };
 use glam::{DMat4, DVec3};
@@ -30,11 +31,13 @@ pub struct PassOptions {
     pub background: Option<[f32; 4]>,
     /// Whether draws outside the view are left out. Off only to measure and to test.
     pub cull: bool,
+    /// Samples of a pixel of all targets: one, unless set.
+    pub samples: Samples,
 }
 
 impl Default for PassOptions {
     fn default() -> Self {
-        Self { format: Format::Rgba8Srgb, background: None, cull: true }
+        Self { format: Format::Rgba8Srgb, background: None, cull: true, samples: Samples::One }
     }
 }
 
@@ -78,6 +81,7 @@ impl Scene {
             extent,
             colors: vec![ColorTarget::cleared(options.format, [r * a, g * a, b * a, a])],
             depth: Some(DepthTarget::cleared(1.0)),
+            samples: options.samples,
             draws: draws.collect(),
             pipelines: self.pipelines.clone(),
         })

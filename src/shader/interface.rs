@@ -7,7 +7,7 @@
 //! block follows the member before it unless it names its own location.
 
 use super::{
-    Interpolation, Scalar, Varying,
+    Auxiliary, Interpolation, Scalar, Varying,
     module::{Index, Outcome, ids},
 };
 use rspirv::{
@@ -72,13 +72,14 @@ pub(super) fn variable(
         source: index.literal(id, Decoration::Index).unwrap_or(0),
     };
     let component = index.literal(id, Decoration::Component).unwrap_or(0);
-    let interpolation = interpolation(|d| index.has(id, d)).unwrap_or(Interpolation::Smooth);
+    let has = |decoration| index.has(id, decoration);
+    let interpolation = interpolation(has).unwrap_or(Interpolation::Smooth);
     let location = index.literal(id, Decoration::Location);
     let located = location.is_some() || index.member_literal(ty, 0, Decoration::Location).is_some();
     if !located {
         return Err("an `in` or `out` variable without a location".into());
     }
-    flatten.walk(ty, location.unwrap_or(0), component, interpolation)?;
+    flatten.walk(ty, location.unwrap_or(0), component, (interpolation, auxiliary(has)))?;
     Ok(Variable::Leaves(flatten.leaves))
 }
 
@@ -87,6 +88,16 @@ fn interpolation(has: impl Fn(Decoration) -> bool) -> Option<Interpolation> {
         Some(Interpolation::Flat)
     } else if has(Decoration::NoPerspective) {
         Some(Interpolation::NoPerspective)
+    } else {
+        None
+    }
+}
+
+fn auxiliary(has: impl Fn(Decoration) -> bool) -> Option<Auxiliary> {
+    if has(Decoration::Sample) {
+        Some(Auxiliary::Sample)
+    } else if has(Decoration::Centroid) {
+        Some(Auxiliary::Centroid)
     } else {
         None
     }
@@ -131,7 +142,7 @@ impl Flatten<'_, '_> {
         ty: Word,
         location: u32,
         component: u32,
-        interpolation: Interpolation,
+        (interpolation, auxiliary): (Interpolation, Option<Auxiliary>),
     ) -> Outcome<u32> {
         // No device has as many locations; the limit keeps a hostile module from filling memory.
         if self.leaves.len() >= 256 || location >= 256 {
@@ -157,8 +168,15 @@ impl Flatten<'_, '_> {
                         "an output with location {location} and index {source}: a second source of blending has location 0 and index 1"
                     ));
                 }
-                let varying =
-                    Varying { location, component, count, scalar, interpolation, index: source };
+                let varying = Varying {
+                    location,
+                    component,
+                    count,
+                    scalar,
+                    interpolation,
+                    auxiliary,
+                    index: source,
+                };
                 self.leaves.push(Leaf { path: self.path.clone(), ty, varying });
                 Ok(1)
             }
@@ -174,7 +192,8 @@ impl Flatten<'_, '_> {
                 let mut used = 0;
                 for n in 0..count {
                     self.path.push(n);
-                    used += self.walk(element, location + used, component, interpolation)?;
+                    let how = (interpolation, auxiliary);
+                    used += self.walk(element, location + used, component, how)?;
                     self.path.pop();
                 }
                 Ok(used)
@@ -192,9 +211,11 @@ impl Flatten<'_, '_> {
                     let at = |decoration| index.member_literal(ty, n, decoration);
                     next = at(Decoration::Location).unwrap_or(next);
                     let component = at(Decoration::Component).unwrap_or(0);
-                    let own = self::interpolation(|d| index.member_has(ty, n, d));
+                    let has = |decoration| index.member_has(ty, n, decoration);
+                    let own = self::interpolation(has).unwrap_or(interpolation);
+                    let how = (own, self::auxiliary(has).or(auxiliary));
                     self.path.push(n);
-                    next += self.walk(member, next, component, own.unwrap_or(interpolation))?;
+                    next += self.walk(member, next, component, how)?;
                     self.path.pop();
                 }
                 Ok(next.saturating_sub(location))

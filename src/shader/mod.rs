@@ -28,6 +28,7 @@ mod stored;
 mod system;
 mod usage;
 mod validate;
+mod varying;
 
 /// What tests of kernels elsewhere need of those here.
 #[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
@@ -56,6 +57,7 @@ use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 pub use stored::keep_compiled;
+pub use varying::{Auxiliary, Interpolation, Varying};
 
 /// Which stage a shader is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -247,34 +249,6 @@ pub struct Resource {
     pub samples_integers: bool,
 }
 
-/// How a fragment input is interpolated from the vertices of its triangle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Interpolation {
-    /// Perspective-correct.
-    Smooth,
-    /// Linear on the screen.
-    NoPerspective,
-    /// The provoking vertex's, as it is.
-    Flat,
-}
-
-/// The part of an `in` or `out` variable at one location.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Varying {
-    /// The location.
-    pub location: u32,
-    /// The first component, 0 to 3.
-    pub component: u32,
-    /// Components, 1 to 4.
-    pub count: u32,
-    /// Kind of the components.
-    pub scalar: Scalar,
-    /// Fragment inputs: the interpolation; [`Interpolation::Flat`] for integers everywhere.
-    pub interpolation: Interpolation,
-    /// Fragment outputs: 1 for the second source of blending (`layout(index = 1)`), 0 for all others.
-    pub index: u32,
-}
-
 /// The resources, inputs and outputs of a shader.
 #[derive(Clone, Debug, Default)]
 pub struct Reflection {
@@ -299,6 +273,13 @@ pub struct Reflection {
     pub has_side_effects: bool,
     /// Fragment: `layout(early_fragment_tests)`.
     pub early_fragment_tests: bool,
+    /// Fragment: it runs for each sample of a pixel, since it reads `gl_SampleID` or `gl_SamplePosition` or has an input that
+    /// is a `sample`.
+    pub per_sample: bool,
+    /// Fragment: reads which samples are covered (`gl_SampleMaskIn`).
+    pub reads_coverage: bool,
+    /// Fragment: interpolates inputs at places of its own (`interpolateAtSample` and relatives).
+    pub interpolates: bool,
 }
 
 /// The SPIR-V of a compute kernel in GLSL.

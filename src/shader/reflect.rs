@@ -10,7 +10,7 @@ use super::{
 };
 use rspirv::{
     dr::{self, Instruction, Operand},
-    spirv::{BuiltIn, Decoration, ExecutionMode, Op, StorageClass, Word},
+    spirv::{BuiltIn, Decoration, ExecutionMode, GlslStd450Op, Op, StorageClass, Word},
 };
 use std::collections::HashSet;
 
@@ -49,14 +49,35 @@ pub(super) fn reflect(
         i.operands.first() == Some(&Operand::IdRef(usage.entry))
             && i.operands.get(1) == Some(&Operand::ExecutionMode(ExecutionMode::EarlyFragmentTests))
     });
+    reflection.per_sample = stage == Stage::Fragment && runs_per_sample(&index, &usage);
     for instruction in usage.instructions() {
         let op = instruction.class.opcode;
         reflection.discards |= is_discard(op);
         reflection.has_side_effects |=
             has_side_effect(instruction, |pointer| class_of(&index, pointer));
         reflection.takes_derivatives |= stage == Stage::Fragment && takes_derivative(op);
+        reflection.interpolates |= stage == Stage::Fragment && interpolates(instruction);
     }
     Ok((reflection, details, reach::refusal(&index, &usage, stage)?))
+}
+
+/// Whether a fragment shader runs for each sample: the interface of its entry point has an input that is a `sample`,
+/// `gl_SampleID` or `gl_SamplePosition`. Whether the shader uses it makes no difference to Vulkan.
+fn runs_per_sample(index: &Index, usage: &Usage) -> bool {
+    let entries = index.module.entry_points.iter();
+    let of_entry = entries.filter(|i| i.operands.get(1) == Some(&Operand::IdRef(usage.entry)));
+    let interface = of_entry.flat_map(|i| i.operands.iter().skip(3));
+    interface.filter_map(Operand::id_ref_any).any(|id| {
+        let pointer = index.def(id).ok().and_then(|variable| variable.result_type);
+        let Some(Ok((StorageClass::Input, ty))) = pointer.map(|ty| index.pointer(ty)) else {
+            return false;
+        };
+        let members = index.def(ty).map_or(0, |ty| ty.operands.len() as u32);
+        let built_in = index.built_in(id, None);
+        index.has(id, Decoration::Sample)
+            || matches!(built_in, Some(BuiltIn::SampleId | BuiltIn::SamplePosition))
+            || (0..members).any(|member| index.member_has(ty, member, Decoration::Sample))
+    })
 }
 
 fn add_varyings(
@@ -72,6 +93,7 @@ fn add_varyings(
         Variable::BuiltIn(BuiltIn::FragDepth) if written => reflection.writes_depth = true,
         // A mask of no samples discards the fragment.
         Variable::BuiltIn(BuiltIn::SampleMask) if written => reflection.discards = true,
+        Variable::BuiltIn(BuiltIn::SampleMask) => reflection.reads_coverage = true,
         Variable::BuiltIn(_) | Variable::BuiltInBlock(_) => {}
     }
     Ok(())
@@ -101,6 +123,16 @@ fn wide_constants(index: &Index) -> Vec<u32> {
 
 fn is_discard(op: Op) -> bool {
     matches!(op, Op::Kill | Op::TerminateInvocation | Op::DemoteToHelperInvocation)
+}
+
+/// Whether an instruction is `interpolateAt…`. The only extended instruction set is `GLSL.std.450`.
+fn interpolates(instruction: &Instruction) -> bool {
+    use GlslStd450Op::{InterpolateAtCentroid, InterpolateAtOffset, InterpolateAtSample};
+    let all = [InterpolateAtCentroid, InterpolateAtOffset, InterpolateAtSample].map(|op| op as u32);
+    match (instruction.class.opcode, instruction.operands.get(1)) {
+        (Op::ExtInst, Some(Operand::LiteralExtInstInteger(op))) => all.contains(op),
+        _ => false,
+    }
 }
 
 fn takes_derivative(op: Op) -> bool {

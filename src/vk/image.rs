@@ -11,6 +11,7 @@ use crate::{
     error::Result,
     format::Format,
     image::{self, Extent, Shape, texel::without_rest},
+    samples::Samples,
 };
 use std::sync::Arc;
 
@@ -46,12 +47,15 @@ pub struct ImageInfo<'a> {
     pub shape: Shape,
     /// Mip levels.
     pub levels: u32,
+    /// Samples of a texel. Images with several of them are drawn to by the device's own pipeline, and nothing else.
+    pub(crate) samples: Samples,
 }
 
 impl<'a> ImageInfo<'a> {
     /// A picture of one mip level.
     pub fn new(name: &'a str, extent: Extent, format: Format, usage: ImageUse) -> Self {
-        Self { name, extent, format, usage, shape: Shape::D2, levels: 1 }
+        let (shape, levels, samples) = (Shape::D2, 1, Samples::One);
+        Self { name, extent, format, usage, shape, levels, samples }
     }
 
     setters! {
@@ -94,6 +98,14 @@ impl Image {
             recorder.submit()?;
         }
         Ok(image)
+    }
+
+    /// An image that only the device's own pipeline draws to, without content: it may have several samples.
+    ///
+    /// # Errors
+    /// As [`Image::new`].
+    pub(crate) fn drawn(gpu: &Gpu, info: &ImageInfo<'_>) -> Result<Self> {
+        RawImage::new(gpu, info).map(|raw| Self(Arc::new(raw)))
     }
 
     /// The present content of mip level `level`: copied by the device, and waited for. If there are several layers or

@@ -3,6 +3,8 @@
 use super::{
     address,
     capability::{declares, has_compute_derivatives, missing_feature},
+    device::DeviceKind,
+    fold,
     gpu::{Gpu, Shared},
     instance::WITH_DERIVATIVES,
     reflect::{BlockBinding, KernelReflection, reflect},
@@ -161,6 +163,13 @@ impl Kernel {
             addressed.map_or(Cow::Borrowed(info.spirv), |addressed| Cow::Owned(addressed.spirv));
         if reflection.uses_table {
             spirv = Cow::Owned(table_bounds::keep(&spirv, shared.table_sizes).map_err(fault)?);
+        }
+        // Drivers for CPUs compile long what constants rule out.
+        if gpu.info().kind == DeviceKind::Cpu
+            && let Some(folded) = fold::specialize(&spirv, &specialized)
+        {
+            spirv = Cow::Owned(folded);
+            specialized.clear();
         }
         // From here on `raw` destroys what exists if anything fails.
         let mut raw = RawKernel {

@@ -68,6 +68,11 @@ pub(crate) struct DrawLimits {
     pub depth_bounds: bool,
     /// The greatest divisor of a vertex binding; 1 if it takes no other, not even 0.
     pub divisor: u32,
+    /// Whether alpha can be 1 whatever shaders return, and whether shaders can run for each sample.
+    pub alpha_to_one: bool,
+    pub sample_shading: bool,
+    /// How depths of several samples become one.
+    pub depth_resolves: vk::ResolveModeFlags,
     /// Whether clipping at the depth planes is a switch of its own.
     pub clips_depth_apart: bool,
     /// Commands of one indirect draw, and whether a buffer may say how many there are.
@@ -105,6 +110,9 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
             true => 65535,
             false => 1,
         },
+        alpha_to_one: probe.features.core.alpha_to_one == vk::TRUE,
+        sample_shading: probe.features.core.sample_rate_shading == vk::TRUE,
+        depth_resolves: probe.vulkan12.supported_depth_resolve_modes,
         clips_depth_apart: DEPTH_CLIP.is_on(&probe.features),
         commands: match probe.features.core.multi_draw_indirect == vk::TRUE
             && probe.features.core.draw_indirect_first_instance == vk::TRUE

@@ -13,6 +13,7 @@
 //! | `buffer`, `image`, `raw_image`, `sampler` | resources; each is freed when its last user lets go |
 //! | `kernel`, `reflect` | a compute pipeline and the names its SPIR-V binds |
 //! | `edit`, `address`, `table_bounds` | changes to the SPIR-V of kernels: blocks by address, indices inside the table |
+//! | `fold` | specialization constants, applied before the driver gets the SPIR-V |
 //! | `table` | descriptor set 1: every resource of users' shaders, indexed by number |
 //! | `recorder`, `recording` | the only thing that dispatches, and the only thing that submits |
 //! | `warm` | code that drivers generate at the first dispatch |
@@ -59,6 +60,7 @@ mod enable;
 pub(crate) mod error;
 mod extension;
 mod features;
+mod fold;
 mod format;
 mod gpu;
 mod image;

@@ -10,6 +10,7 @@ use crate::{
     error::{Error, Result},
     format::Format,
     image::{Extent, Shape},
+    samples::Samples,
 };
 use ash::vk;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
@@ -66,6 +67,9 @@ impl RawImage {
         if attached {
             flags |= attachment_flag(info.format);
         }
+        if info.samples != Samples::One {
+            flags = attachment_flag(info.format);
+        }
         let create = vk::ImageCreateInfo::default()
             .flags(match info.shape {
                 Shape::Cube | Shape::CubeArray(_) => vk::ImageCreateFlags::CUBE_COMPATIBLE,
@@ -87,7 +91,7 @@ impl RawImage {
             })
             .mip_levels(info.levels)
             .array_layers(info.shape.layers())
-            .samples(vk::SampleCountFlags::TYPE_1)
+            .samples(vk::SampleCountFlags::from_raw(info.samples.count()))
             .tiling(vk::ImageTiling::OPTIMAL)
             .usage(flags)
             .sharing_mode(vk::SharingMode::EXCLUSIVE)
@@ -442,6 +446,13 @@ impl Shared {
             )),
             e => self.failure(&format!("asking for {what}"), e),
         })?;
+        if !offered.sample_counts.contains(create.samples) {
+            return Err(Error::Device(format!(
+                "{what} cannot be made on {name}, which draws to no images of {:?} with {} samples; the compute executor does",
+                info.format,
+                info.samples.count()
+            )));
+        }
         let (most, extent) = (offered.max_extent, create.extent);
         let larger = extent.width > most.width || extent.height > most.height;
         if larger || extent.depth > most.depth || create.array_layers > offered.max_array_layers {

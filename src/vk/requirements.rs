@@ -331,6 +331,8 @@ pub const OPTIONAL: &[Optional] = &[
     of_classic("VK_EXT_vertex_attribute_divisor", &DIVISORS),
     of_classic("VK_EXT_depth_clip_enable", &[DEPTH_CLIP]),
     of_classic("dualSrcBlend", &[named!("dualSrcBlend", core.dual_src_blend)]),
+    of_classic("alphaToOne", &[named!("alphaToOne", core.alpha_to_one)]),
+    of_classic("sampleRateShading", &[named!("sampleRateShading", core.sample_rate_shading)]),
     of_classic("depthClamp", &[named!("depthClamp", core.depth_clamp)]),
     of_classic("depthBiasClamp", &[named!("depthBiasClamp", core.depth_bias_clamp)]),
     of_classic("depthBounds", &[named!("depthBounds", core.depth_bounds)]),

@@ -6,6 +6,7 @@ use crate::{
     error::{Error, Result},
     format::Format,
     pass::Pipeline,
+    samples::Samples,
     shader::{Resource, Scalar, Shader, Stage, Varying},
 };
 use std::collections::HashSet;
@@ -116,6 +117,19 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     }
     all.sort_by_key(|r| (r.set, r.binding));
     Ok(all)
+}
+
+/// Checks that the pipeline can draw to pixels of so many samples.
+pub(crate) fn check_samples(pipeline: &Pipeline, samples: Samples) -> Fault {
+    let fragment = &pipeline.fragment;
+    match samples != Samples::One && fragment.reflection.interpolates {
+        true => Err(format!(
+            "shader `{}` interpolates at places of its own (interpolateAtSample, interpolateAtCentroid), which is not there \
+             yet for several samples: use `sample` or `centroid` inputs",
+            fragment.label
+        )),
+        false => Ok(()),
+    }
 }
 
 /// Checks that the fragment shader writes the kind of value that each of the colour targets holds, and that the target can

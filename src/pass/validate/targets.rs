@@ -1,7 +1,7 @@
 //! Checks the targets of a pass.
 
 use super::{Fault, TARGET_SIDE_PX};
-use crate::{abi, pass::Pass, target::ColorTarget};
+use crate::{abi, grid::Grid, pass::Pass, target::ColorTarget};
 
 /// Most colour targets.
 const COLOR_TARGETS: usize = abi::MAX_COLORS as usize;
@@ -28,6 +28,14 @@ impl Pass {
                     image.name()
                 ));
             }
+        }
+        if !Grid::fits(self.extent.width, self.row_bytes(), self.samples) {
+            return Err(format!(
+                "{} columns of {} samples of {} bytes are more than one buffer has room for",
+                self.extent.width,
+                self.samples.count(),
+                self.row_bytes()
+            ));
         }
         self.depth.as_ref().map_or(Ok(()), |depth| depth.check(self.extent))
     }

@@ -1,6 +1,6 @@
 //! Built-in variables: which of the kernel's variables each one is.
 //!
-//! A pass has one view, one layer, one viewport and one sample per pixel. So a built-in that is the number of
+//! A pass has one view, one layer and one viewport. So a built-in that is the number of
 //! one of these becomes the constant that the device's own pipeline would give. Every other built-in is a
 //! variable of the kernel, named `tw_` and the GLSL name without `gl_`; if the kernel has no such variable,
 //! the shader is refused.
@@ -17,10 +17,10 @@ pub(super) enum Source {
     KernelAtStart(&'static str),
     /// The same in all components, always.
     Constant(u32),
-    /// The mask of covered samples: 1, or 0 for a helper.
-    Coverage,
-    /// The mask of samples to keep: 0 is a discard.
-    Keep,
+    /// The mask of covered samples, as the kernel's variable of this name has it.
+    Coverage(&'static str),
+    /// The mask of samples to keep, which goes to the kernel's variable of this name.
+    Keep(&'static str),
     /// The built-in of the same name in a compute shader.
     Compute,
 }
@@ -29,7 +29,6 @@ pub(super) enum Source {
 pub(super) fn source(stage: Stage, output: bool, built_in: BuiltIn) -> Outcome<Source> {
     use BuiltIn as B;
     use Source::{Compute, Constant, Coverage, Keep, Kernel, KernelAtStart};
-    let half = 0.5f32.to_bits();
     Ok(match (stage, output, built_in) {
         (Stage::Vertex, false, B::VertexIndex) => Kernel("tw_VertexIndex"),
         (Stage::Vertex, false, B::InstanceIndex) => Kernel("tw_InstanceIndex"),
@@ -50,15 +49,16 @@ pub(super) fn source(stage: Stage, output: bool, built_in: BuiltIn) -> Outcome<S
         (Stage::Fragment, false, B::BaryCoordKHR) => Kernel("tw_BaryCoord"),
         (Stage::Fragment, false, B::BaryCoordNoPerspKHR) => Kernel("tw_BaryCoordNoPersp"),
         (Stage::Fragment, false, B::HelperInvocation) => KernelAtStart("tw_HelperInvocation"),
-        (Stage::Fragment, false, B::SampleMask) => Coverage,
-        (Stage::Fragment, false, B::SamplePosition) => Constant(half),
+        (Stage::Fragment, false, B::SampleMask) => Coverage("tw_SampleMaskIn"),
+        (Stage::Fragment, false, B::SampleId) => Kernel("tw_SampleID"),
+        (Stage::Fragment, false, B::SamplePosition) => Kernel("tw_SamplePosition"),
         // Of a triangle's fragments, Vulkan leaves gl_PointCoord undefined.
-        (Stage::Fragment, false, B::SampleId | B::PointCoord | B::ShadingRateKHR) => Constant(0),
+        (Stage::Fragment, false, B::PointCoord | B::ShadingRateKHR) => Constant(0),
         (Stage::Fragment, false, B::Layer | B::ViewportIndex) => Constant(0),
         (_, false, B::ViewIndex) => Constant(0),
         (Stage::Fragment, true, B::FragDepth) => Kernel("tw_FragDepth"),
         (Stage::Fragment, true, B::FragStencilRefEXT) => Kernel("tw_FragStencilRef"),
-        (Stage::Fragment, true, B::SampleMask) => Keep,
+        (Stage::Fragment, true, B::SampleMask) => Keep("tw_SampleMask"),
         (_, false, B::SubgroupSize | B::SubgroupLocalInvocationId) => Compute,
         (_, false, B::SubgroupEqMask | B::SubgroupGeMask | B::SubgroupGtMask) => Compute,
         (_, false, B::SubgroupLeMask | B::SubgroupLtMask) => Compute,

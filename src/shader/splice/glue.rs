@@ -16,7 +16,9 @@ use super::{
     resources::Span,
 };
 use crate::abi;
-use crate::shader::{Interpolation, Scalar, Stage, Varying, interface::Leaf, module::Outcome};
+use crate::shader::{
+    Auxiliary, Interpolation, Scalar, Stage, Varying, interface::Leaf, module::Outcome,
+};
 use rspirv::{
     dr::{Block, Instruction, Operand},
     spirv::{BuiltIn, Decoration, Op, StorageClass, Word},
@@ -155,15 +157,11 @@ impl Glue<'_> {
                 let all = vec![id(one); count as usize];
                 Ok(self.code.linker.declare(Op::ConstantComposite, Some(ty), all))
             }
-            Source::Coverage => {
-                let helper = self.hooks.helper(self.code.linker)?;
-                let bool = self.code.linker.bool();
-                let helper = self.code.load(bool, helper);
+            Source::Coverage(name) => {
+                let (variable, kernel_ty) = self.kernel_variable(name)?;
                 let element = self.element(ty)?;
-                let none = self.code.linker.null(element);
-                let one = self.code.linker.declare(Op::Constant, Some(element), vec![literal(1)]);
-                let operands = vec![id(helper), id(none), id(one)];
-                let mask = self.code.emit(Op::Select, element, operands);
+                let mask = self.code.load(kernel_ty, variable);
+                let mask = self.code.bitcast(element, mask)?;
                 Ok(self.code.emit(Op::CompositeConstruct, ty, vec![id(mask)]))
             }
             Source::Compute => {
@@ -171,11 +169,11 @@ impl Glue<'_> {
                 let value = self.code.load(kernel_ty, variable);
                 self.as_type(ty, value, built_in)
             }
-            Source::Keep => Err(format!("it reads {built_in:?}")),
+            Source::Keep(_) => Err(format!("it reads {built_in:?}")),
         }
     }
 
-    /// The element type of `gl_SampleMaskIn`, of which one sample per pixel needs one element.
+    /// The element type of `gl_SampleMaskIn`, of which up to 32 samples of a pixel need one element.
     fn element(&self, ty: Word) -> Outcome<Word> {
         match self.code.linker.global(ty)?.operands.as_slice() {
             [Operand::IdRef(element), Operand::IdRef(length)]
@@ -226,11 +224,16 @@ impl Glue<'_> {
 
     fn input_leaf(&mut self, variable: Word, leaf: &Leaf) -> Outcome<()> {
         let v = leaf.varying;
+        let is_centroid = v.auxiliary == Some(Auxiliary::Centroid);
         let hook = match (self.stage, v.scalar, v.interpolation) {
             (Stage::Vertex, Scalar::Float, _) => "tw_attribute_float(u1;",
             (Stage::Vertex, ..) => "tw_attribute_uint(u1;",
             (Stage::Fragment, _, Interpolation::Flat) => "tw_input_flat(u1;",
+            (Stage::Fragment, _, Interpolation::NoPerspective) if is_centroid => {
+                "tw_input_noperspective_centroid(u1;"
+            }
             (Stage::Fragment, _, Interpolation::NoPerspective) => "tw_input_noperspective(u1;",
+            (Stage::Fragment, ..) if is_centroid => "tw_input_smooth_centroid(u1;",
             (Stage::Fragment, ..) => "tw_input_smooth(u1;",
         };
         let hook = self.hooks.function(hook)?;
@@ -282,26 +285,20 @@ impl Glue<'_> {
                 self.code.store(variable, value);
                 Ok(())
             }
-            Source::Keep => self.keep_samples(pointer, ty),
+            Source::Keep(name) => self.keep_samples(pointer, ty, name),
             _ => Err(format!("it writes {built_in:?}")),
         }
     }
 
-    /// A fragment whose mask leaves out the only sample is discarded.
-    fn keep_samples(&mut self, pointer: Word, ty: Word) -> Outcome<()> {
+    /// The kernel drops the samples that the mask leaves out.
+    fn keep_samples(&mut self, pointer: Word, ty: Word, name: &str) -> Outcome<()> {
         let element = self.element(ty)?;
-        let helper = self.hooks.helper(self.code.linker)?;
+        let (variable, kernel_ty) = self.kernel_variable(name)?;
         let code = &mut self.code;
         let place = code.part(pointer, StorageClass::Private, element, &[0]);
         let mask = code.load(element, place);
-        let one = code.linker.declare(Op::Constant, Some(element), vec![literal(1)]);
-        let none = code.linker.null(element);
-        let bool = code.linker.bool();
-        let first = code.emit(Op::BitwiseAnd, element, vec![id(mask), id(one)]);
-        let dropped = code.emit(Op::IEqual, bool, vec![id(first), id(none)]);
-        let already = code.load(bool, helper);
-        let helps = code.emit(Op::LogicalOr, bool, vec![id(already), id(dropped)]);
-        code.store(helper, helps);
+        let mask = code.bitcast(kernel_ty, mask)?;
+        code.store(variable, mask);
         Ok(())
     }
 

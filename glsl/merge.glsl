@@ -1,0 +1,95 @@
+// What becomes of a fragment: the tests of depth, blending, logic operations and write masks.
+//
+// The file that includes this one includes `fragment.glsl`, declares the buffers `color` and `depth`, and defines DEPTH:
+// when the depth test happens.
+#ifndef MERGE_GLSL
+#define MERGE_GLSL
+#include "lib/blend.glsl"
+#include "lib/depth.glsl"
+#include "targets.glsl"
+
+// A comparison is a sum of COMPARE_LESS, COMPARE_EQUAL and COMPARE_GREATER: the cases that pass. No depth is NaN.
+bool compare(const uint operation, const float a, const float b) {
+    return (operation & ((a < b ? COMPARE_LESS : 0u) | (a == b ? COMPARE_EQUAL : 0u) | (a > b ? COMPARE_GREATER : 0u))) != 0u;
+}
+
+// Whether a fragment of depth `z` passes the tests where the target holds `held`. `state` is the piece's, `bounds` are the
+// bounds of a depth bounds test.
+bool passes(const uint state, const float z, const float held, const vec2 bounds) {
+    bool inside = (state & DEPTH_STATE_BOUNDS) == 0u || (held >= bounds.x && held <= bounds.y);
+    return inside && ((state & DEPTH_STATE_TEST) == 0u || compare(state >> DEPTH_STATE_COMPARE_SHIFT, z, held));
+}
+
+// How the fragments of a triangle are tested.
+struct Tests {
+    uint state; // the piece's `fragment_state`
+    vec2 bounds;
+    vec3 plane, adjustment;
+};
+
+// Those of the samples `mask` of the target's pixel `pixel` that pass the tests. Their depth is written if `writes`. The
+// pixel has the number `number` in the band. If all samples have one depth, it is `one`.
+uint passing(const Tests tests, const uint mask, const ivec2 pixel, const uint number, const float one, const bool writes) {
+    uint passed = 0u;
+    for (uint s = 0u; s < SAMPLES; s++) {
+        uint at = number * SAMPLES + s;
+        float z = one;
+        if (SAMPLES > 1u && DEPTH != DEPTH_WRITTEN) z = depth_at(tests.plane, tests.adjustment, sample_place(pixel, s));
+        if ((mask >> s & 1u) == 0u || !passes(tests.state, z, depth[at], tests.bounds)) continue;
+        passed |= 1u << s;
+        if (writes) depth[at] = z;
+    }
+    return passed;
+}
+
+// The samples of `mask` that the alpha of a colour covers: as many as it is worth, all where it is 1.
+uint covered_by(const uint mask, const float alpha) {
+    return mask & ((1u << uint(clamp(alpha, 0.0, 1.0) * float(SAMPLES) + 0.5)) - 1u);
+}
+
+// Writes the colour of a target, `bits`, to the sample with the number `at`; `state` is what the piece has of the target's state.
+void write_color(const uint target, const uint at, const uint piece, const uint state, const uvec4 bits) {
+    uint format = format_of(target), words = color_words(format), mask = state >> COLOR_MASK_SHIFT, first = color_place(target, at);
+    if (mask == 0u) return;
+    bool blends = (state & COLOR_BLENDS) != 0u, is_logic = !blends && (state & COLOR_LOGIC) != 0u;
+    uvec4 value = bits, held = uvec4(0u);
+    if (blends || is_logic || mask != 15u) {
+        held.x = color[first];
+        if (words > 1u) held.y = color[first + 1u];
+        if (words > 2u) held.zw = uvec2(color[first + 2u], color[first + 3u]);
+    }
+    if (blends) {
+        uvec2 equations = uvec2(state, state >> COLOR_ALPHA_SHIFT) & ((1u << BLEND_BITS) - 1u);
+        vec4 source = limited(format, uintBitsToFloat(bits));
+        // In real scenes, large parts of leaves, fences and glass are fully transparent. An infinite colour is not.
+        if (numeric_of(format) != NUMERIC_FLOAT && source.a == 0.0 && blend_keeps(equations.x, equations.y)) return;
+        vec4 constants = vec4(0.0);
+        if ((state & COLOR_CONSTANTS) != 0u) constants = limited(format, pieces[piece].blend_constants);
+        vec4 target_color = color_decode(format, held);
+        value = floatBitsToUint(blend(equations.x, equations.y, source, target_color, constants, limited(format, uintBitsToFloat(second_bits)), has_sign(format)));
+    }
+    uvec4 texel = color_encode(format, value);
+    if (is_logic) texel = logic(state, texel, held);
+    if (mask != 15u) {
+        uvec4 written = channel_bits(format, mask);
+        texel = (texel & written) | (held & ~written);
+    }
+    store_color(target, at, texel);
+}
+
+// Writes the colours that the shader returned to the samples `mask` of pixel number `number` of the band. `state` is the
+// `fragment_state` of the piece, and `states` are its `color_states`.
+void write_colors(const uint mask, const uint number, const uint piece, const uint state, const uvec4 states[MAX_COLORS / 4u]) {
+    if ((state & SAMPLE_STATE_ALPHA_ONE) != 0u) {
+#define MAKE_OPAQUE(t) if (!is_integer(format_of(t))) color_bits_##t.a = floatBitsToUint(1.0);
+        EACH_COLOR(MAKE_OPAQUE)
+        second_bits.a = floatBitsToUint(1.0);
+    }
+    for (uint s = 0u; s < SAMPLES; s++) {
+        if ((mask >> s & 1u) == 0u) continue;
+        uint at = number * SAMPLES + s;
+#define WRITE(t) if (format_of(t) != NO_FORMAT) write_color(t, at, piece, states[t >> 2][t & 3u], color_bits_##t);
+        EACH_COLOR(WRITE)
+    }
+}
+#endif
