@@ -150,14 +150,15 @@ void tw_user_main() {
 }
 
 // Runs the shader at the target's pixel `pixel` for `triangle`, which has to be the bound one. All four lanes
-// of a quad call this together. `mask` has a bit for each sample of the pixel that is covered. A lane without any is a
-// helper, which takes part in derivatives only. PER_SAMPLE, the shader runs for sample `s`, the only one of the mask.
-// Returns the bits of the samples that the shader keeps.
-uint shade(const Bound triangle, const ivec2 pixel, const uint mask, const uint s) {
+// of a quad call this together. `mask` has a bit for each sample of the pixel that is drawn to. A lane without any is a
+// helper, which takes part in derivatives only. `coverage` has a bit for each sample that the triangle covers, hidden or
+// not. PER_SAMPLE, the shader runs for sample `s`, the only one of both. Returns the bits of the samples that the shader
+// keeps.
+uint shade(const Bound triangle, const ivec2 pixel, const uint mask, const uint coverage, const uint s) {
     vec2 place = PER_SAMPLE ? sample_place(pixel, s) : vec2(pixel);
     float depth_w = weigh(triangle, place, perspective, linear);
     inner_place = place;
-    if (SAMPLES > 1u && mask != 0u && mask != ALL_SAMPLES) inner_place = sample_place(pixel, uint(findLSB(mask)));
+    if (SAMPLES > 1u && coverage != 0u && coverage != ALL_SAMPLES) inner_place = sample_place(pixel, uint(findLSB(coverage)));
 
     surface_depth = depth_at(triangle.plane, triangle.adjustment, place);
     float z = surface_depth, free = free_depth_at(triangle.plane, triangle.adjustment, place);
@@ -170,7 +171,7 @@ uint shade(const Bound triangle, const ivec2 pixel, const uint mask, const uint 
     tw_HelperInvocation = mask == 0u;
     tw_SampleID = int(s);
     tw_SamplePosition = vec2(sample_offset(s) + 8) / 16.0;
-    tw_SampleMaskIn = mask;
+    tw_SampleMaskIn = coverage;
     tw_SampleMask = 0xffffffffu;
 #define RESET(t) color_bits_##t = uvec4(0u);
     EACH_COLOR(RESET)

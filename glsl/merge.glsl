@@ -44,7 +44,9 @@ uint passing(const Tests tests, const uint mask, const ivec2 pixel, const uint n
 
 // The samples of `mask` that the alpha of a colour covers: as many as it is worth, all where it is 1.
 uint covered_by(const uint mask, const float alpha) {
-    return mask & ((1u << uint(clamp(alpha, 0.0, 1.0) * float(SAMPLES) + 0.5)) - 1u);
+    // Not-a-number covers none.
+    float worth = alpha > 0.0 ? min(alpha, 1.0) : 0.0;
+    return mask & ((1u << uint(worth * float(SAMPLES) + 0.5)) - 1u);
 }
 
 // Writes the colour of a target, `bits`, to the sample with the number `at`; `state` is what the piece has of the target's state.

@@ -128,23 +128,27 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
             uint column = patch_at & ((1u << COLUMNS_LOG2) - 1u), row = (patch_at >> COLUMNS_LOG2) + part * ROWS;
             ivec2 p = ivec2(column << PATCH_X_LOG2, row << PATCH_Y_LOG2) + lane_pixel;
             uint number = uint(local_origin.y + p.y) * batch.width + uint(local_origin.x + p.x);
+            uint coverage = mask;
             if (SAMPLES > 1u && mask != 0u) {
-                mask = enabled;
-                if (!covers) mask &= covered_samples(edges, edges.at + edges.dx * p.x + edges.dy * p.y, origin + p);
+                coverage = enabled;
+                if (!covers) coverage &= covered_samples(edges, edges.at + edges.dx * p.x + edges.dy * p.y, origin + p);
+                mask = coverage;
                 if (test && EARLY) mask = passing(tests, mask, origin + p, number, 0.0, DEPTH == DEPTH_EARLY && write);
             }
             [[dont_unroll]] for (uint i = 0u; i < (PER_SAMPLE ? SAMPLES : 1u); i++) {
-                uint own = PER_SAMPLE ? mask & (1u << i) : mask;
-                if (PER_SAMPLE && !any_of_quad(own != 0u)) continue;
-                uint kept = shade(triangle, origin + p, own, i);
+                uint own = PER_SAMPLE ? 1u << i : 0xffffffffu;
+                if (PER_SAMPLE && !any_of_quad((mask & own) != 0u)) continue;
+                uint kept = shade(triangle, origin + p, mask & own, coverage & own, i);
                 if ((state & SAMPLE_STATE_ALPHA_COVERS) != 0u) kept = covered_by(kept, uintBitsToFloat(color_bits_0u.a));
                 float z = surface_depth;
                 if (DEPTH == DEPTH_WRITTEN) z = stored_depth(ADJUSTED ? limited_depth(tw_FragDepth, adjustment) : tw_FragDepth);
                 if (kept != 0u && test && !EARLY) kept = passing(tests, kept, origin + p, number, z, write);
                 if (write && DEPTH == DEPTH_EARLY_TEST) passing(Tests(0u, bounds, z_plane, adjustment), kept, origin + p, number, z, true);
-                if (kept == 0u) continue;
-                if (batch.traced != 0u) show(kept, bin, tile_index(uvec2(p)), key);
-                write_colors(kept, number, piece, state, states);
+                // No `continue`: the lanes of the quad must be together again for the next sample.
+                if (kept != 0u) {
+                    if (batch.traced != 0u) show(kept, bin, tile_index(uvec2(p)), key);
+                    write_colors(kept, number, piece, state, states);
+                }
             }
         }
     }

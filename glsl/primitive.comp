@@ -4,7 +4,7 @@
 // are clipped.
 // Writes: the triangle of each primitive, or several if it is clipped; counts of the cells; for each
 // primitive the cell that lists it, NONE or SEVERAL_CELLS.
-// Contract: the triangles of a primitive cover exactly the pixel centres inside it and inside the
+// Contract: the triangles of a primitive cover exactly the samples inside it and inside the
 // clip volume, viewport and scissor, by the top-left rule; two triangles that share an edge share no
 // pixel and leave none out. A primitive that draws nothing writes no triangle; if the batch is traced, it
 // writes a triangle whose `flags` are 0.

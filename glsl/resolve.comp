@@ -24,23 +24,29 @@ uvec4 sample_words(const uint at, const uint words) {
     return value;
 }
 
-// Of colours, each after the other is added to the first one.
+// Averages are those of pairs, and of pairs of these. So the average of equal samples is their value, whatever it is.
 uvec4 resolved_color(const uint at, const uint words) {
     if (MODE == RESOLVE_MODE_SAMPLE_ZERO) return sample_words(at, words);
-    vec4 sum = color_decode(FORMAT, sample_words(at, words));
-    for (uint s = 1u; s < SAMPLES; s++) sum += color_decode(FORMAT, sample_words(at + s * words, words));
-    return color_encode(FORMAT, floatBitsToUint(sum * (1.0 / float(SAMPLES))));
+    vec4 all[SAMPLES];
+    for (uint s = 0u; s < SAMPLES; s++) all[s] = color_decode(FORMAT, sample_words(at + s * words, words));
+    for (uint count = SAMPLES / 2u; count > 0u; count /= 2u) {
+        for (uint s = 0u; s < count; s++) all[s] = all[2u * s] * 0.5 + all[2u * s + 1u] * 0.5;
+    }
+    return color_encode(FORMAT, floatBitsToUint(all[0]));
 }
 
 float resolved_depth(const uint at) {
-    float d = uintBitsToFloat(samples[at]);
-    if (MODE == RESOLVE_MODE_SAMPLE_ZERO) return d;
-    for (uint s = 1u; s < SAMPLES; s++) {
-        float other = uintBitsToFloat(samples[at + s]);
-        float extreme = MODE == RESOLVE_MODE_MIN ? min(d, other) : max(d, other);
-        d = MODE == RESOLVE_MODE_AVERAGE ? d + other : extreme;
+    if (MODE == RESOLVE_MODE_SAMPLE_ZERO) return uintBitsToFloat(samples[at]);
+    float all[SAMPLES];
+    for (uint s = 0u; s < SAMPLES; s++) all[s] = uintBitsToFloat(samples[at + s]);
+    for (uint count = SAMPLES / 2u; count > 0u; count /= 2u) {
+        for (uint s = 0u; s < count; s++) {
+            float a = all[2u * s], b = all[2u * s + 1u];
+            float extreme = MODE == RESOLVE_MODE_MIN ? min(a, b) : max(a, b);
+            all[s] = MODE == RESOLVE_MODE_AVERAGE ? a * 0.5 + b * 0.5 : extreme;
+        }
     }
-    return MODE == RESOLVE_MODE_AVERAGE ? d * (1.0 / float(SAMPLES)) : d;
+    return all[0];
 }
 
 void main() {

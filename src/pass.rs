@@ -75,8 +75,8 @@ pub struct Pipeline {
     pub logic_op: Option<LogicOp>,
     /// A bit for each sample of a pixel that may be drawn to; all, unless set.
     pub sample_mask: u32,
-    /// Whether the alpha of colour target 0 says how many of the covered samples are drawn to: none where it is 0, all where
-    /// it is 1.
+    /// Whether the alpha that the shader writes to location 0 says how many of the covered samples are drawn to: none where it
+    /// is 0, all where it is 1. A single sample is drawn to from 0.5 on.
     pub alpha_to_coverage: bool,
     /// Whether alpha is 1 when colours are blended and written, whatever the shader returns.
     pub alpha_to_one: bool,

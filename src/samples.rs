@@ -1,7 +1,9 @@
 //! Samples of a pixel: how many there are, and where.
 
 /// How many samples a pixel has. Coverage, depth and colour are kept for each of them. A fragment shader runs once for all
-/// samples of a pixel that a primitive covers, unless it asks for more (`gl_SampleID`, `sample` inputs).
+/// samples of a pixel that a primitive covers, unless it asks for more (`gl_SampleID`, `sample` inputs). Of a primitive that is
+/// clipped at a side of its viewport, or by the near or the far plane, it runs twice in pixels on the line between two parts,
+/// and sees in each of them the samples of that part alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Samples {
     /// One, in the centre.

@@ -139,9 +139,10 @@ pub struct BatchTrace {
     pub triangles: Vec<Parts>,
     /// The keys that each cell lists, ascending.
     pub cells: Vec<Vec<u32>>,
-    /// The key each pixel of the band got from the batch, row by row; 0 is none.
+    /// The key each sample of the band's pixels got from the batch, row by row, the samples of a pixel one after the other; 0 is
+    /// none.
     pub visibility: Vec<u32>,
-    /// Depth of each pixel of the band after the batch.
+    /// Depth of each sample after the batch, in the same order.
     pub depth: Vec<f32>,
 }
 
@@ -154,9 +155,14 @@ impl BatchTrace {
         }
         let name = |key: &u32| self.name(*key);
         let primitive = |at: usize| self.name(key(at, 0));
+        let samples = (self.depth.len() / self.grid.extent.pixels()).max(1);
         let pixel = |at: usize| {
-            let width = self.grid.extent.width as usize;
-            format!("pixel ({}, {}) of the band", at % width, at / width)
+            let (width, pixel) = (self.grid.extent.width as usize, at / samples);
+            let place = format!("pixel ({}, {}) of the band", pixel % width, pixel / width);
+            match samples {
+                1 => place,
+                _ => format!("sample {} of {place}", at % samples),
+            }
         };
         let assembly = difference(
             |at| format!("assembly: primitive number {at} of the batch"),

@@ -125,7 +125,7 @@ impl SampledImage {
             )))
         };
         if !matches!(begin, Begin::Value(_)) {
-            return lacks("begins several samples of a pixel with one value for all pixels alone");
+            return lacks("loads no target of several samples: it can only clear one");
         }
         let resolve = match resolve {
             ResolveMode::Average => vk::ResolveModeFlags::AVERAGE,

@@ -55,7 +55,8 @@ impl Compilation {
 impl Renderer {
     /// Compiles `pipeline` for passes with such targets, so that the first of them finds it compiled. There is
     /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, or with several samples,
-    /// the pipeline is another one, as with targets of other formats. [`Renderer::compile_pass`] takes the formats from a pass,
+    /// the pipeline is another one, as with targets of other formats. Depth is taken to keep sample 0 of several
+    /// ([`crate::DepthTarget::resolve`]). [`Renderer::compile_pass`] takes the formats from a pass,
     /// and finds out whether depths are adjusted in it, by a bias or by a clamp, which takes other kernels.
     ///
     /// Drivers for CPUs generate code when a kernel is dispatched for the first time, which takes longest of all. So on them

@@ -121,7 +121,14 @@ pub(super) fn method(
             return Method::Opaque { compare, shades: true };
         }
     }
-    Method::Ordered { kernel, depth: depth_mode(fragment) }
+    let depth = match depth_mode(fragment) {
+        // Alpha takes samples away after the shader, and these keep their depth.
+        abi::DEPTH_EARLY if pipeline.alpha_to_coverage && !fragment.early_fragment_tests => {
+            abi::DEPTH_EARLY_TEST
+        }
+        depth => depth,
+    };
+    Method::Ordered { kernel, depth }
 }
 
 /// Whether a fragment shader does nothing except return a colour.

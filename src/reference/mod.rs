@@ -50,7 +50,7 @@ pub(crate) fn corners(pass: &Pass, positions: &Positions) -> impl Iterator<Item 
 
 /// The first difference between `trace`, which a device left of `pass`, and what every stage should have written;
 /// as a sentence that names the primitive. Visibility and depth take every fragment for drawn, as if no shader
-/// discarded any or wrote a depth of its own. A pass that contradicts itself differs from every trace.
+/// discarded any or wrote a depth of its own, and as if no alpha left out samples. A pass that contradicts itself differs from every trace.
 ///
 /// Takes the resources of a device as they are now. So they should be as they were when the trace was made.
 pub fn first_difference(pass: &Pass, trace: &Trace) -> Option<String> {

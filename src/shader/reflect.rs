@@ -72,12 +72,25 @@ fn runs_per_sample(index: &Index, usage: &Usage) -> bool {
         let Some(Ok((StorageClass::Input, ty))) = pointer.map(|ty| index.pointer(ty)) else {
             return false;
         };
-        let members = index.def(ty).map_or(0, |ty| ty.operands.len() as u32);
         let built_in = index.built_in(id, None);
         index.has(id, Decoration::Sample)
             || matches!(built_in, Some(BuiltIn::SampleId | BuiltIn::SamplePosition))
-            || (0..members).any(|member| index.member_has(ty, member, Decoration::Sample))
+            || has_sample(index, ty, 0)
     })
+}
+
+/// Whether a member of a block of this type, or of an array of them, is a `sample`.
+fn has_sample(index: &Index, ty: Word, depth: u32) -> bool {
+    let Ok(declaration) = index.def(ty) else { return false };
+    let inner = |ty| depth < 16 && has_sample(index, ty, depth + 1);
+    match declaration.class.opcode {
+        Op::TypeArray => ids(declaration).next().is_some_and(inner),
+        Op::TypeStruct => ids(declaration).enumerate().any(|(member, ty)| {
+            index.member_has(declaration.result_id.unwrap_or(0), member as u32, Decoration::Sample)
+                || inner(ty)
+        }),
+        _ => false,
+    }
 }
 
 fn add_varyings(

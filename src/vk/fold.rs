@@ -10,6 +10,7 @@
 //! Whatever it does not know stays as it is. If it meets something that it cannot keep valid, it has no result, and the
 //! module goes to the driver as it was.
 
+mod dominance;
 mod flow;
 #[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests;
@@ -239,7 +240,8 @@ impl Fold {
                 break;
             }
         }
-        Some(())
+        // An arm that became empty is a new way past what the other one computes.
+        dominance::is_kept(&function.blocks).then_some(())
     }
 
     /// Removes the instructions that are constants, or that hand on an operand. Whether there was any.

@@ -210,3 +210,104 @@ fn shaders_of_samples_draw_as_on_the_device() {
         }
     }
 }
+
+/// What alpha leaves out does not hide what comes later.
+#[test]
+fn samples_that_alpha_leaves_out_keep_their_depth() {
+    on_each_gpu("samples that alpha leaves out keep their depth", |gpu| {
+        let mut compute = compute(gpu);
+        for samples in [Samples::One, Samples::Four] {
+            for (alpha, covered) in
+                [(0.0, 0.0), (0.5, if samples == Samples::One { 1.0 } else { 0.5 })]
+            {
+                let far = pipeline(FRAGMENT).depth(DepthState::LESS);
+                let near = far.clone().alpha_to_coverage(true);
+                let pass = pass(samples, Format::Rgba32Float)
+                    .depth(DepthTarget::cleared(1.0))
+                    .pipelines([near, far])
+                    .draws([
+                        over_all(0, (0.25, [1.0, 0.0, 0.0, alpha])),
+                        over_all(1, (0.75, [0.0, 1.0, 0.0, 1.0])),
+                    ]);
+                let frame = compute.render(&pass).unwrap();
+                for [red, green, ..] in values(&frame) {
+                    assert_eq!([red, green], [covered, 1.0 - covered], "{samples:?} {alpha}");
+                }
+            }
+        }
+    });
+}
+
+/// Samples that something nearer hides count as covered.
+#[test]
+fn coverage_does_not_depend_on_depth() {
+    on_each_gpu("coverage does not depend on depth", |gpu| {
+        let mut compute = compute(gpu);
+        let black = pipeline(FRAGMENT).depth(DepthState::LESS);
+        let covered = pipeline(
+            "#version 450
+            layout(location = 0) out vec4 written;
+            void main() { written = vec4(gl_SampleMaskIn[0]); }",
+        );
+        let mut random = Random::new(11_900);
+        let mut corners = triangles(&mut random, 10);
+        for corner in &mut corners {
+            corner[0][2] = 0.25 * corner[0][3];
+            corner[1] = [0.0; 4];
+        }
+        let pass = pass(Samples::Four, Format::Rgba32Float)
+            .depth(DepthTarget::cleared(1.0))
+            .pipelines([black, covered.depth(DepthState::LESS)])
+            .draws([draw(0, &corners), over_all(1, (0.75, [0.0; 4]))]);
+        let mut partly = 0;
+        for [value, ..] in values(&compute.render(&pass).unwrap()) {
+            let shown = value / 15.0 * 4.0;
+            assert_eq!(shown, shown.round(), "{value}");
+            partly += u32::from(shown > 0.0 && shown < 4.0);
+        }
+        assert!(partly > 50, "{partly} pixels are hidden in part");
+    });
+}
+
+/// All times at which ordered work tests depth, with shaders that discard, write depth, or have tests before them.
+#[test]
+fn depth_is_tested_for_each_sample_when_it_should_be() {
+    let gpu = gpu();
+    let (mut ours, mut theirs) = (compute(&gpu), classic::Renderer::new(&gpu).unwrap());
+    for (n, (layout, body)) in [
+        ("", "if (fract(gl_FragCoord.x / 8.0) < 0.5) discard; written = color;"),
+        ("", "gl_FragDepth = fract(gl_PrimitiveID * 0.377 + gl_FragCoord.y / 64.0); written = color;"),
+        (
+            "layout(early_fragment_tests) in;",
+            "if (fract(gl_FragCoord.x / 8.0) < 0.5) discard; written = color;",
+        ),
+        ("", "written = vec4(color.rgb, dFdx(gl_FragCoord.x)); gl_SampleMask[0] = 0xd;"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let fragment = format!(
+            "#version 450
+            {layout}
+            layout(location = 0) in vec4 color;
+            layout(location = 0) out vec4 written;
+            void main() {{ {body} }}"
+        );
+        let (mut pixels, mut others) = (0, 0);
+        for seed in 12_000..12_008 {
+            let mut random = Random::new(seed);
+            let corners = triangles(&mut random, 30);
+            let pass = pass(Samples::Four, Format::Rgba32Float)
+                .depth(DepthTarget::cleared(1.0))
+                .pipelines([pipeline(&fragment).depth(DepthState::LESS)])
+                .draws([draw(0, &corners)]);
+            let frames = [ours.render(&pass).unwrap(), theirs.render(&pass).unwrap()];
+            let both = values(&frames[0]).into_iter().zip(values(&frames[1]));
+            let far = |(a, b): &([f32; 4], [f32; 4])| (0..4).any(|n| (a[n] - b[n]).abs() > 1e-4);
+            pixels += (SIDE * SIDE) as usize;
+            others += both.filter(far).count();
+        }
+        // Depths at samples are rounded as each side likes, and surfaces meet.
+        assert!(others * 1000 <= pixels, "shader {n}: {others} of {pixels} pixels differ");
+    }
+}

@@ -101,6 +101,7 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     check_specialization(pipeline)?;
     check_attributes(pipeline)?;
     check_varyings(pipeline)?;
+    check_alpha(pipeline)?;
     let mut all = merged(&pipeline.vertex, &pipeline.fragment)?;
     // Of two variables at one place, one may be a run-time array and the other as long as it says.
     let is_open = |r: &Resource, all: &[Resource]| {
@@ -117,6 +118,22 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     }
     all.sort_by_key(|r| (r.set, r.binding));
     Ok(all)
+}
+
+/// Checks that there is an alpha where it says which samples are covered.
+fn check_alpha(pipeline: &Pipeline) -> Fault {
+    let mut outputs = pipeline.fragment.reflection.outputs.iter();
+    let is_alpha = |output: &Varying| {
+        (output.location, output.index, output.scalar) == (0, 0, Scalar::Float)
+            && output.component + output.count == 4
+    };
+    match pipeline.alpha_to_coverage && !outputs.any(is_alpha) {
+        true => Err(format!(
+            "the alpha of location 0 says which samples are covered, and shader `{}` writes none",
+            pipeline.fragment.label
+        )),
+        false => Ok(()),
+    }
 }
 
 /// Checks that the pipeline can draw to pixels of so many samples.

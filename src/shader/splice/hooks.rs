@@ -21,9 +21,11 @@
 //! | `void tw_bind_inputs(const in uint location)` | fragment | fetches the inputs at `location`, which is even, and at the location after it; one or both will be read |
 //! | `vec4 tw_input_smooth(const in uint location)` | fragment | interpolated with perspective |
 //! | `vec4 tw_input_noperspective(const in uint location)` | fragment | interpolated on the screen |
+//! | `vec4 tw_input_smooth_centroid(const in uint location)`, `vec4 tw_input_noperspective_centroid(const in uint location)` | fragment | the same at a place that the triangle covers |
 //! | `uvec4 tw_input_flat(const in uint location)` | fragment | the provoking vertex's bits |
 //! | `T tw_ddx(const in T)`, `T tw_ddy(const in T)` | fragment | differences within the quad, for `float` to `vec4` |
 //! | `bool tw_HelperInvocation` | fragment | set by the kernel before the call, and by `discard` |
+//! | `uint tw_SampleMaskIn`, `uint tw_SampleMask` | fragment | a bit for each sample: those that the triangle covers, set by the kernel; those that the shader keeps |
 //! | `tw_Position` and other built-ins | both | see [`super::builtins`] |
 
 use super::linker::Linker;

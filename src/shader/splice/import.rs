@@ -333,7 +333,10 @@ impl Importer<'_, '_> {
     fn source(&self, output: bool, built_in: BuiltIn) -> Outcome<Source> {
         let source = builtins::source(self.shader.stage, output, built_in)?;
         match source {
-            Source::Kernel(name) | Source::KernelAtStart(name)
+            Source::Kernel(name)
+            | Source::KernelAtStart(name)
+            | Source::Coverage(name)
+            | Source::Keep(name)
                 if self.hooks.variable(self.linker, name).is_none() =>
             {
                 Err(builtins::refusal(output, built_in))

@@ -12,12 +12,13 @@ use rspirv::{
 };
 use std::collections::{HashMap, HashSet};
 
-fn label(block: &Block) -> Word {
+/// The label of a block.
+pub fn label(block: &Block) -> Word {
     block.label.as_ref().and_then(|label| label.result_id).unwrap_or(0)
 }
 
 /// The labels that a block branches to.
-fn successors(block: &Block) -> Vec<Word> {
+pub fn successors(block: &Block) -> Vec<Word> {
     let Some(last) = block.instructions.last() else { return Vec::new() };
     let ids = last.operands.iter().filter_map(Operand::id_ref_any);
     match last.class.opcode {

@@ -188,6 +188,55 @@ fn what_arms_define_is_repaired() {
     assert_eq!((count(&gone, Op::IAdd), count(&gone, Op::Load)), (0, 0));
 }
 
+/// In a loop: the arm that is left leaves the loop or goes on, and what it computes is used behind the selection. A way past
+/// it would make the module invalid.
+#[test]
+fn a_way_past_what_is_used_is_not_made() {
+    let words = assembled(
+        "OpCapability Shader
+         OpMemoryModel Logical GLSL450
+         OpEntryPoint GLCompute %main \"main\"
+         OpExecutionMode %main LocalSize 1 1 1
+         OpDecorate %condition SpecId 0
+         %void = OpTypeVoid
+         %bool = OpTypeBool
+         %uint = OpTypeInt 32 0
+         %pointer = OpTypePointer Private %uint
+         %global = OpVariable %pointer Private
+         %condition = OpSpecConstantTrue %bool
+         %one = OpConstant %uint 1
+         %function = OpTypeFunction %void
+         %main = OpFunction %void None %function
+         %start = OpLabel
+         OpBranch %loop
+         %loop = OpLabel
+         OpLoopMerge %end %next None
+         OpBranch %header
+         %header = OpLabel
+         OpSelectionMerge %merge None
+         OpBranchConditional %condition %arm %other
+         %arm = OpLabel
+         %v = OpLoad %uint %global
+         %leaves = OpIEqual %bool %v %one
+         OpBranchConditional %leaves %end %merge
+         %other = OpLabel
+         OpBranch %next
+         %merge = OpLabel
+         OpStore %global %v
+         OpBranch %next
+         %next = OpLabel
+         OpBranch %loop
+         %end = OpLabel
+         OpReturn
+         OpFunctionEnd",
+    );
+    let folded = specialize(&words, &HashMap::new());
+    if let Some(folded) = &folded {
+        crate::shader::validate_kernel("folded", folded).unwrap();
+    }
+    assert_eq!(folded, None);
+}
+
 /// The engine's kernels, as they are made, with the values of several formats, modes and widths.
 #[test]
 fn every_kernel_stays_valid() {
@@ -208,8 +257,10 @@ fn every_kernel_stays_valid() {
                 (abi::SPEC_FORMATS, formats),
                 (abi::SPEC_MORE_FORMATS, if set > 3 { 0x0102_0304 } else { NONE }),
                 (abi::SPEC_DEPTH, set % 4),
-                (abi::SPEC_HELD, if set & 1 == 0 { 256 } else { 1 }),
-                (abi::SPEC_SAMPLES, 1 + 3 * (set & 1)),
+                (abi::SPEC_HELD, [256, 1, 512, 1, 1024, 1][set as usize]),
+                (abi::SPEC_PER_SAMPLE, (set >> 1) & 1),
+                (abi::SPEC_RESOLVE_MODE, set % 4),
+                (abi::SPEC_SAMPLES, [1, 16, 2, 8, 4, 4][set as usize]),
                 (abi::SPEC_READ, set * 3),
                 (abi::SPEC_ADJUSTED, (set >> 1) & 1),
                 (abi::SPEC_DEPTH_BITS, [0, 16, 24][set as usize % 3]),
