@@ -20,6 +20,9 @@ bool passes(const uint state, const float z, const float held, const vec2 bounds
     return inside && ((state & DEPTH_STATE_TEST) == 0u || compare(state >> DEPTH_STATE_COMPARE_SHIFT, z, held));
 }
 
+// Whether pipelines may have alpha cover samples, or be 1.
+layout(constant_id = SPEC_BY_ALPHA) const bool BY_ALPHA = false;
+
 // How the fragments of a triangle are tested.
 struct Tests {
     uint state; // the piece's `fragment_state`
@@ -27,7 +30,7 @@ struct Tests {
     vec3 plane, adjustment;
 };
 
-// Those of the samples `mask` of the target's pixel `pixel` that pass the tests. Their depth is written if `writes`. The
+// Those of the samples `mask`, of which there are some, of the target's pixel `pixel` that pass the tests. Their depth is written if `writes`. The
 // pixel has the number `number` in the band. If all samples have one depth, it is `one`.
 uint passing(const Tests tests, const uint mask, const ivec2 pixel, const uint number, const float one, const bool writes) {
     uint passed = 0u;
@@ -35,9 +38,11 @@ uint passing(const Tests tests, const uint mask, const ivec2 pixel, const uint n
         uint at = number * SAMPLES + s;
         float z = one;
         if (SAMPLES > 1u && DEPTH != DEPTH_WRITTEN) z = depth_at(tests.plane, tests.adjustment, sample_place(pixel, s));
-        if ((mask >> s & 1u) == 0u || !passes(tests.state, z, depth[at], tests.bounds)) continue;
-        passed |= 1u << s;
-        if (writes) depth[at] = z;
+        bool is_drawn = SAMPLES == 1u || (mask >> s & 1u) != 0u;
+        if (is_drawn && passes(tests.state, z, depth[at], tests.bounds)) {
+            passed |= 1u << s;
+            if (writes) depth[at] = z;
+        }
     }
     return passed;
 }
@@ -79,16 +84,16 @@ void write_color(const uint target, const uint at, const uint piece, const uint 
     store_color(target, at, texel);
 }
 
-// Writes the colours that the shader returned to the samples `mask` of pixel number `number` of the band. `state` is the
+// Writes the colours that the shader returned to the samples `mask`, of which there are some, of pixel number `number` of the band. `state` is the
 // `fragment_state` of the piece, and `states` are its `color_states`.
 void write_colors(const uint mask, const uint number, const uint piece, const uint state, const uvec4 states[MAX_COLORS / 4u]) {
-    if ((state & SAMPLE_STATE_ALPHA_ONE) != 0u) {
+    if (BY_ALPHA && (state & SAMPLE_STATE_ALPHA_ONE) != 0u) {
 #define MAKE_OPAQUE(t) if (!is_integer(format_of(t))) color_bits_##t.a = floatBitsToUint(1.0);
         EACH_COLOR(MAKE_OPAQUE)
         second_bits.a = floatBitsToUint(1.0);
     }
     for (uint s = 0u; s < SAMPLES; s++) {
-        if ((mask >> s & 1u) == 0u) continue;
+        if (SAMPLES > 1u && (mask >> s & 1u) == 0u) continue;
         uint at = number * SAMPLES + s;
 #define WRITE(t) if (format_of(t) != NO_FORMAT) write_color(t, at, piece, states[t >> 2][t & 3u], color_bits_##t);
         EACH_COLOR(WRITE)

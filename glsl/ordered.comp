@@ -42,7 +42,7 @@ const bool EARLY = DEPTH == DEPTH_EARLY || DEPTH == DEPTH_EARLY_TEST;
 // Records for a trace that the samples `mask` of pixel `i` of the bin show the triangle of `key`.
 void show(const uint mask, const uint bin, const uint i, const uint key) {
     for (uint s = 0u; s < SAMPLES; s++) {
-        if ((mask >> s & 1u) != 0u) visibility[(bin * BIN_QUADS + (i >> 2)) * SAMPLES + s][i & 3u] = key;
+        if (SAMPLES == 1u || (mask >> s & 1u) != 0u) visibility[(bin * BIN_QUADS + (i >> 2)) * SAMPLES + s][i & 3u] = key;
     }
 }
 
@@ -135,15 +135,15 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                 mask = coverage;
                 if (test && EARLY) mask = passing(tests, mask, origin + p, number, 0.0, DEPTH == DEPTH_EARLY && write);
             }
-            [[dont_unroll]] for (uint i = 0u; i < (PER_SAMPLE ? SAMPLES : 1u); i++) {
+            for (uint i = 0u; i < (PER_SAMPLE ? SAMPLES : 1u); i++) {
                 uint own = PER_SAMPLE ? 1u << i : 0xffffffffu;
                 if (PER_SAMPLE && !any_of_quad((mask & own) != 0u)) continue;
                 uint kept = shade(triangle, origin + p, mask & own, coverage & own, i);
-                if ((state & SAMPLE_STATE_ALPHA_COVERS) != 0u) kept = covered_by(kept, uintBitsToFloat(color_bits_0u.a));
+                if (BY_ALPHA && (state & SAMPLE_STATE_ALPHA_COVERS) != 0u) kept = covered_by(kept, uintBitsToFloat(color_bits_0u.a));
                 float z = surface_depth;
                 if (DEPTH == DEPTH_WRITTEN) z = stored_depth(ADJUSTED ? limited_depth(tw_FragDepth, adjustment) : tw_FragDepth);
                 if (kept != 0u && test && !EARLY) kept = passing(tests, kept, origin + p, number, z, write);
-                if (write && DEPTH == DEPTH_EARLY_TEST) passing(Tests(0u, bounds, z_plane, adjustment), kept, origin + p, number, z, true);
+                if (DEPTH == DEPTH_EARLY_TEST && kept != 0u && write) passing(Tests(0u, bounds, z_plane, adjustment), kept, origin + p, number, z, true);
                 // No `continue`: the lanes of the quad must be together again for the next sample.
                 if (kept != 0u) {
                     if (batch.traced != 0u) show(kept, bin, tile_index(uvec2(p)), key);

@@ -43,7 +43,7 @@ uint first_shown(const uvec4 keys) {
 
 // Shades the target's pixel `pixel`, number `number` of the band, whose samples `mask` show the triangle of `key`.
 void shade_samples(const uint key, const ivec2 pixel, const uint number, const uint mask) {
-    [[dont_unroll]] for (uint i = 0u; i < (PER_SAMPLE ? SAMPLES : 1u); i++) {
+    for (uint i = 0u; i < (PER_SAMPLE ? SAMPLES : 1u); i++) {
         uint own = PER_SAMPLE ? mask & (1u << i) : mask;
         shade(bind_triangle(key), pixel, own, own, i);
         for (uint s = 0u; s < SAMPLES; s++) {

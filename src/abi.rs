@@ -87,6 +87,8 @@ shared_constants! {
     pub const SPEC_POSITIONS_3: u32 = 14;
     /// Specialization constant: whether a fragment shader runs for each sample.
     pub const SPEC_PER_SAMPLE: u32 = 15;
+    /// Specialization constant: whether alpha may say which samples are covered, or be 1 whatever shaders return.
+    pub const SPEC_BY_ALPHA: u32 = 17;
     /// Specialization constant: the `ResolveMode`.
     pub const SPEC_RESOLVE_MODE: u32 = 16;
     /// Specialization constant: whether the depths of the batch's triangles may be adjusted: by a bias, or by limits of their own.

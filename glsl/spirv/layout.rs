@@ -38,6 +38,7 @@ const _: () = assert!(abi::SPEC_POSITIONS_1 == 12, "SPEC_POSITIONS_1 has changed
 const _: () = assert!(abi::SPEC_POSITIONS_2 == 13, "SPEC_POSITIONS_2 has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_POSITIONS_3 == 14, "SPEC_POSITIONS_3 has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_PER_SAMPLE == 15, "SPEC_PER_SAMPLE has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_BY_ALPHA == 17, "SPEC_BY_ALPHA has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_RESOLVE_MODE == 16, "SPEC_RESOLVE_MODE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_ADJUSTED == 8, "SPEC_ADJUSTED has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_DEPTH_BITS == 9, "SPEC_DEPTH_BITS has changed: run `cargo spirv`");

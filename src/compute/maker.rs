@@ -174,7 +174,7 @@ impl Maker {
             }
             KernelRequest::Ordered(key, formats, fragments, depth) => {
                 let mut constants = self.shading(key, *formats, fragments);
-                constants.push(("DEPTH", *depth));
+                constants.extend([("DEPTH", *depth), ("BY_ALPHA", key.by_alpha.into())]);
                 ("ordered", self.sources.variant("ordered.comp", targets(*formats)), key, constants)
             }
         };

@@ -306,6 +306,7 @@ impl Renderer {
             attributes: Vec::new(),
             read: u32::MAX,
             per_sample: false,
+            by_alpha: false,
         });
         self.kernels.next_pass();
         match shader.stage {

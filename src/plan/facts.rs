@@ -25,20 +25,28 @@ impl Facts {
             let all = pipeline.specialization.iter();
             all.filter(|(id, _)| ids.contains(id)).copied().collect()
         };
-        let key = |shader: &Arc<Shader>, attributes, read, per_sample| {
+        let key = |shader: &Arc<Shader>, attributes, read, (per_sample, by_alpha)| {
             Arc::new(KernelKey {
                 shader: shader.clone(),
                 specialization: own(&shader.reflection.specialization),
                 attributes,
                 read,
                 per_sample,
+                by_alpha,
             })
         };
+        let by_alpha = pipeline.alpha_to_coverage || pipeline.alpha_to_one;
+        let of_samples = (pipeline.runs_per_sample(), by_alpha);
         let inputs = &pipeline.fragment.reflection.inputs;
         let locations = inputs.iter().map(|v| v.location + 1).max();
         Self {
-            vertex: key(&pipeline.vertex, attributes(pipeline), read_outputs(pipeline), false),
-            fragment: key(&pipeline.fragment, Vec::new(), 0, pipeline.runs_per_sample()),
+            vertex: key(
+                &pipeline.vertex,
+                attributes(pipeline),
+                read_outputs(pipeline),
+                (false, false),
+            ),
+            fragment: key(&pipeline.fragment, Vec::new(), 0, of_samples),
             varying_stride: 4 * locations.unwrap_or(0),
         }
     }

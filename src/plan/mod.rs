@@ -68,6 +68,8 @@ pub struct KernelKey {
     pub read: u32,
     /// Whether a fragment shader runs for each sample.
     pub per_sample: bool,
+    /// Whether its alpha says which samples are covered, or is replaced by 1.
+    pub by_alpha: bool,
 }
 
 /// How a batch is drawn.

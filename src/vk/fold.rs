@@ -1,6 +1,6 @@
 //! Applies specialization constants to a module before the driver gets it.
 //!
-//! Vulkan leaves that to drivers, and SwiftShader does it late: it inlines all functions of a kernel and compiles all branches
+//! Vulkan leaves that to drivers. Lavapipe and drivers of GPUs do it at once, and SwiftShader does it late: it inlines all functions of a kernel and compiles all branches
 //! of all formats and modes, although constants say which ones are taken. Between a fifth and two thirds of the time that
 //! kernels took to compile there was for the others. So this pass does what a constant decides, and no more: constants that
 //! are specialized become plain ones, operations on constants become constants, and branches that are never taken go, with

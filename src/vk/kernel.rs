@@ -164,8 +164,9 @@ impl Kernel {
         if reflection.uses_table {
             spirv = Cow::Owned(table_bounds::keep(&spirv, shared.table_sizes).map_err(fault)?);
         }
-        // Drivers for CPUs compile long what constants rule out.
+        // Other drivers for CPUs than lavapipe compile long what constants rule out.
         if gpu.info().kind == DeviceKind::Cpu
+            && !gpu.reads_by_address()
             && let Some(folded) = fold::specialize(&spirv, &specialized)
         {
             spirv = Cow::Owned(folded);
