@@ -25,6 +25,17 @@ pub(super) enum Source {
     Compute,
 }
 
+impl Source {
+    /// The variable of the kernel that it is.
+    pub fn variable(self) -> Option<&'static str> {
+        match self {
+            Self::Kernel(name) | Self::KernelAtStart(name) => Some(name),
+            Self::Coverage(name) | Self::Keep(name) => Some(name),
+            Self::Constant(_) | Self::Compute => None,
+        }
+    }
+}
+
 /// Where `built_in` comes from, or goes if `output`.
 pub(super) fn source(stage: Stage, output: bool, built_in: BuiltIn) -> Outcome<Source> {
     use BuiltIn as B;

@@ -332,16 +332,9 @@ impl Importer<'_, '_> {
     /// Where a built-in comes from, which this kernel must have.
     fn source(&self, output: bool, built_in: BuiltIn) -> Outcome<Source> {
         let source = builtins::source(self.shader.stage, output, built_in)?;
-        match source {
-            Source::Kernel(name)
-            | Source::KernelAtStart(name)
-            | Source::Coverage(name)
-            | Source::Keep(name)
-                if self.hooks.variable(self.linker, name).is_none() =>
-            {
-                Err(builtins::refusal(output, built_in))
-            }
-            _ => Ok(source),
+        match source.variable().map(|name| self.hooks.variable(self.linker, name)) {
+            Some(None) => Err(builtins::refusal(output, built_in)),
+            Some(Some(_)) | None => Ok(source),
         }
     }
 
