@@ -30,8 +30,8 @@ struct Tests {
     vec3 plane, adjustment;
 };
 
-// Those of the samples `mask`, of which there are some, of the target's pixel `pixel` that pass the tests. Their depth is written if `writes`. The
-// pixel has the number `number` in the band. If all samples have one depth, it is `one`.
+// The samples of `mask` that pass the tests; `mask` is not 0. They belong to the target's pixel `pixel`, which has the number
+// `number` in the band. If `writes`, their depth is written. If all samples have the same depth, it is `one`.
 uint passing(const Tests tests, const uint mask, const ivec2 pixel, const uint number, const float one, const bool writes) {
     uint passed = 0u;
     for (uint s = 0u; s < SAMPLES; s++) {
@@ -84,7 +84,7 @@ void write_color(const uint target, const uint at, const uint piece, const uint 
     store_color(target, at, texel);
 }
 
-// Writes the colours that the shader returned to the samples `mask`, of which there are some, of pixel number `number` of the band. `state` is the
+// Writes the colours that the shader returned to the samples `mask` of pixel number `number` of the band; `mask` is not 0. `state` is the
 // `fragment_state` of the piece, and `states` are its `color_states`.
 void write_colors(const uint mask, const uint number, const uint piece, const uint state, const uvec4 states[MAX_COLORS / 4u]) {
     if (BY_ALPHA && (state & SAMPLE_STATE_ALPHA_ONE) != 0u) {

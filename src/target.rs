@@ -151,6 +151,14 @@ impl ColorTarget {
     pub(crate) fn subresource(&self) -> Subresource {
         Subresource { level: self.level, layer: self.layer }
     }
+
+    /// What is kept of several samples of a pixel: integers have no average.
+    pub(crate) fn resolve(&self) -> ResolveMode {
+        match self.format.is_integer() {
+            true => ResolveMode::SampleZero,
+            false => ResolveMode::Average,
+        }
+    }
 }
 
 /// A depth target.

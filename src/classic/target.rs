@@ -60,12 +60,8 @@ impl Targets {
             let value = |of| vk::ClearValue { color: clear_color(color.format, of) };
             let begin = Begin::new(gpu, &color.load, value)?;
             let info = info("colour target", pass, color.format);
-            let resolve = match color.format.is_integer() {
-                true => ResolveMode::SampleZero,
-                false => ResolveMode::Average,
-            };
             let place = color.image.as_ref().map(|image| (image, color.subresource()));
-            Target::new(gpu, &info, place, begin, (color.store, resolve))
+            Target::new(gpu, &info, place, begin, (color.store, color.resolve()))
         });
         let depth = pass.depth.as_ref().map(|depth| {
             let value = |depth| vk::ClearValue {

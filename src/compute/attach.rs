@@ -79,10 +79,7 @@ impl<'a> Use<'a> {
             is_loaded: color.load.clear_value().is_none(),
             store: color.store,
             samples,
-            resolve: match color.format.is_integer() {
-                true => ResolveMode::SampleZero,
-                false => ResolveMode::Average,
-            },
+            resolve: color.resolve(),
         }
     }
 

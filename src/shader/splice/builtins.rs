@@ -1,7 +1,7 @@
 //! Built-in variables: which of the kernel's variables each one is.
 //!
-//! A pass has one view, one layer and one viewport. So a built-in that is the number of
-//! one of these becomes the constant that the device's own pipeline would give. Every other built-in is a
+//! A pass has one view, one layer and one viewport. So a built-in that is the number of one of these becomes the
+//! constant that the device's own pipeline would give. Every other built-in is a
 //! variable of the kernel, named `tw_` and the GLSL name without `gl_`; if the kernel has no such variable,
 //! the shader is refused.
 
@@ -26,7 +26,7 @@ pub(super) enum Source {
 }
 
 impl Source {
-    /// The variable of the kernel that it is.
+    /// The kernel's variable that it comes from or goes to, if it is one.
     pub fn variable(self) -> Option<&'static str> {
         match self {
             Self::Kernel(name) | Self::KernelAtStart(name) => Some(name),
