@@ -104,6 +104,7 @@ struct Piece {
     vec2 depth_bounds;
     vec2 depth_limits;
     vec4 blend_constants;
+    uvec2 stencil[2];
 };
 
 struct Attribute {
@@ -144,6 +145,7 @@ struct QuadPiece {
     vec2 depth_bounds;
     vec2 depth_limits;
     vec4 blend_constants;
+    uvec2 stencil[2];
 };
 
 // `Triangle` by pairs of words, one pair for each lane of a quad in either half.

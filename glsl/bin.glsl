@@ -17,12 +17,14 @@ const bool OR_EQUAL = COMPARE == COMPARE_LESS_OR_EQUAL || COMPARE == COMPARE_GRE
 #include "lib/block.glsl"
 #include "lib/depth.glsl"
 #include "lib/lanes.glsl"
+#include "lib/stencil.glsl"
 #include "lib/tile.glsl"
 
 layout(push_constant, scalar) uniform BatchBlock { Batch batch; };
 layout(scalar, binding = 5) buffer Depth { float depth[]; };
 
 layout(scalar, binding = 6) buffer Visibility { uvec4 visibility[]; };
+layout(scalar, binding = 10) buffer Stencil { uint stencil[]; };
 
 shared float s_depth[HELD];
 shared uint s_key[HELD];
@@ -79,6 +81,16 @@ bool beats(const Bin bin, const uint i, const ivec2 p, const uint s, const float
     bool wins = in_front(z, held);
     if (z == held) wins = OR_EQUAL ? key > held_key(bin, i, s) : key < held_key(bin, i, s);
     return wins;
+}
+
+// Whether a triangle with this stencil test passes at a sample of the bin's pixel at `p`, where it beats all that was there.
+// Then the sample gets its stencil value. `StencilState::unordered` says why it stays, unless another triangle beats this one.
+bool stencil_takes(const Bin bin, const ivec2 p, const uint s, const uvec2 face) {
+    if (!is_tested(face)) return true;
+    uint at = depth_place(bin, p, s), held = stencil[at];
+    if (!stencil_passes(face, held)) return false;
+    stencil[at] = stencil_after(face, STENCIL_PASS_SHIFT, held);
+    return true;
 }
 
 // Sets the bin's samples to their state before the batch or, if `single`, to one surface: the depth of

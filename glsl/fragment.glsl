@@ -16,6 +16,7 @@ vec4 tw_FragCoord;
 bool tw_FrontFacing;
 int tw_PrimitiveID;
 float tw_FragDepth;
+int tw_FragStencilRef;
 bool tw_HelperInvocation;
 int tw_SampleID;
 vec2 tw_SamplePosition;
@@ -24,6 +25,7 @@ uint tw_SampleMaskIn, tw_SampleMask; // a bit for each sample
 // Whether the shader runs for each sample that is covered, at its place, or once for all samples of a pixel.
 layout(constant_id = SPEC_PER_SAMPLE) const bool PER_SAMPLE = false;
 
+uint stencil_reference; // what stencil values are compared with, unless the shader says it
 float surface_depth; // of the triangle where the shader runs, as the target keeps it
 vec3 perspective;    // barycentric weights for smooth varyings
 vec3 linear;         // for noperspective ones
@@ -166,6 +168,7 @@ uint shade(const Bound triangle, const ivec2 pixel, const uint mask, const uint 
     if (ADJUSTED && (triangle.flags & TRIANGLE_ADJUSTED) != 0u) z = free;
     tw_FragCoord = vec4(place + 0.5, z, depth_w != 0.0 ? triangle.scale / depth_w : 0.0);
     tw_FragDepth = z;
+    tw_FragStencilRef = int(stencil_reference);
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;
     tw_PrimitiveID = int((first_in_draw + (triangle.key >> KEY_LOG2) - 1u) % primitives_per_instance);
     tw_HelperInvocation = mask == 0u;

@@ -1,24 +1,13 @@
-// What becomes of a fragment: the tests of depth, blending, logic operations and write masks.
+// What becomes of a fragment: the tests of depth and of stencil values, blending, logic operations and write masks.
 //
-// The file that includes this one includes `fragment.glsl`, declares the buffers `color` and `depth`, and defines DEPTH:
-// when the depth test happens.
+// The file that includes this one includes `fragment.glsl`, declares the buffers `color`, `depth` and `stencil`, and defines
+// DEPTH: when the tests happen.
 #ifndef MERGE_GLSL
 #define MERGE_GLSL
 #include "lib/blend.glsl"
 #include "lib/depth.glsl"
+#include "lib/stencil.glsl"
 #include "targets.glsl"
-
-// A comparison is a sum of COMPARE_LESS, COMPARE_EQUAL and COMPARE_GREATER: the cases that pass. No depth is NaN.
-bool compare(const uint operation, const float a, const float b) {
-    return (operation & ((a < b ? COMPARE_LESS : 0u) | (a == b ? COMPARE_EQUAL : 0u) | (a > b ? COMPARE_GREATER : 0u))) != 0u;
-}
-
-// Whether a fragment of depth `z` passes the tests where the target holds `held`. `state` is the piece's, `bounds` are the
-// bounds of a depth bounds test.
-bool passes(const uint state, const float z, const float held, const vec2 bounds) {
-    bool inside = (state & DEPTH_STATE_BOUNDS) == 0u || (held >= bounds.x && held <= bounds.y);
-    return inside && ((state & DEPTH_STATE_TEST) == 0u || compare(state >> DEPTH_STATE_COMPARE_SHIFT, z, held));
-}
 
 // Whether pipelines may have alpha cover samples, or be 1.
 layout(constant_id = SPEC_BY_ALPHA) const bool BY_ALPHA = false;
@@ -28,10 +17,27 @@ struct Tests {
     uint state; // the piece's `fragment_state`
     vec2 bounds;
     vec3 plane, adjustment;
+    uvec2 face; // the stencil test
 };
 
+// Whether a fragment of depth `z` passes the tests at the sample with the number `at`. If `writes`, its depth and the stencil
+// value become what the tests say.
+bool passes(const Tests tests, const uint at, const float z, const bool writes) {
+    if ((tests.state & DEPTH_STATE_BOUNDS) != 0u && (depth[at] < tests.bounds.x || depth[at] > tests.bounds.y)) return false;
+    bool passed = (tests.state & DEPTH_STATE_TEST) == 0u || compare(tests.state >> DEPTH_STATE_COMPARE_SHIFT, z, depth[at]);
+    if (is_tested(tests.face)) {
+        uint held = stencil[at], shift = passed ? STENCIL_PASS_SHIFT : STENCIL_DEPTH_FAIL_SHIFT;
+        bool is_equal = stencil_passes(tests.face, held);
+        if (writes) stencil[at] = stencil_after(tests.face, is_equal ? shift : STENCIL_FAIL_SHIFT, held);
+        passed = passed && is_equal;
+    }
+    if (passed && writes && (tests.state & DEPTH_STATE_WRITE) != 0u) depth[at] = z;
+    return passed;
+}
+
 // The samples of `mask` that pass the tests; `mask` is not 0. They belong to the target's pixel `pixel`, which has the number
-// `number` in the band. If `writes`, their depth is written. If all samples have the same depth, it is `one`.
+// `number` in the band. If `writes`, the targets of depth and stencil change. If
+// all samples have the same depth, it is `one`.
 uint passing(const Tests tests, const uint mask, const ivec2 pixel, const uint number, const float one, const bool writes) {
     uint passed = 0u;
     for (uint s = 0u; s < SAMPLES; s++) {
@@ -39,10 +45,7 @@ uint passing(const Tests tests, const uint mask, const ivec2 pixel, const uint n
         float z = one;
         if (SAMPLES > 1u && DEPTH != DEPTH_WRITTEN) z = depth_at(tests.plane, tests.adjustment, sample_place(pixel, s));
         bool is_drawn = SAMPLES == 1u || (mask >> s & 1u) != 0u;
-        if (is_drawn && passes(tests.state, z, depth[at], tests.bounds)) {
-            passed |= 1u << s;
-            if (writes) depth[at] = z;
-        }
+        if (is_drawn && passes(tests, at, z, writes)) passed |= 1u << s;
     }
     return passed;
 }

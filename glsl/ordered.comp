@@ -3,7 +3,7 @@
 //
 // Reads: the non-empty bins, the sorted lists of their cells, triangles, positions, varyings and
 // whatever the shader binds.
-// Writes: colour and depth; for a trace `visibility`, the last triangle that wrote to each pixel.
+// Writes: colour, depth and stencil values; for a trace `visibility`, the last triangle that wrote to each pixel.
 // Contract: each pixel sees its fragments in API order, whatever the order of the bins.
 // Kernel / Twin: src/compute/ordered.rs; src/reference/raster.rs gives the same coverage, depth and
 // visibility if the shader neither discards nor writes depth.
@@ -30,6 +30,7 @@ layout(scalar, binding = 8) buffer Depth { float depth[]; };
 layout(scalar, binding = 9) writeonly buffer Visibility { uvec4 visibility[]; };
 layout(scalar, binding = 10) buffer Color { uint color[]; };
 layout(scalar, binding = 11) writeonly buffer BinBounds { vec2 bin_bounds[]; };
+layout(scalar, binding = 12) buffer Stencil { uint stencil[]; };
 #include "merge.glsl"
 
 // A patch has as many pixels as a subgroup has lanes. A lane keeps one bit for each patch of the bin, row by
@@ -38,6 +39,9 @@ const uint COLUMNS_LOG2 = BIN_SIZE_LOG2 - PATCH_X_LOG2;
 const uint PARTS = SUBGROUP_WIDTH < 8u ? 2u : 1u;
 const uint ROWS = (1u << (BIN_SIZE_LOG2 - PATCH_Y_LOG2)) / PARTS;
 const bool EARLY = DEPTH == DEPTH_EARLY || DEPTH == DEPTH_EARLY_TEST;
+// Whether all pixels under the box of a triangle are tested first. Stencil values may change where a test fails, and of several
+// samples nothing is written at first.
+const bool FIRST = EARLY && !(STENCIL && SAMPLES > 1u && DEPTH == DEPTH_EARLY);
 
 // Records for a trace that the samples `mask` of pixel `i` of the bin show the triangle of `key`.
 void show(const uint mask, const uint bin, const uint i, const uint key) {
@@ -74,7 +78,6 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
     uint piece = depth_piece.w;
     vec3 z_plane = uintBitsToFloat(depth_piece.xyz);
     uint state = pieces[piece].fragment_state;
-    bool test = (state & (DEPTH_STATE_TEST | DEPTH_STATE_BOUNDS)) != 0u, write = (state & DEPTH_STATE_WRITE) != 0u;
     vec2 bounds = vec2(0.0);
     if ((state & DEPTH_STATE_BOUNDS) != 0u) bounds = pieces[piece].depth_bounds;
     vec3 adjustment = NO_ADJUSTMENT;
@@ -82,7 +85,15 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
         adjustment.x = bias_of(pieces[piece].depth_bias, z_plane.yz, of_second_half(own_shading).w >> TRIANGLE_EXPONENT_SHIFT);
         adjustment.yz = pieces[piece].depth_limits;
     }
-    Tests tests = Tests(state, bounds, z_plane, adjustment);
+    uvec2 face = NO_STENCIL_TEST;
+    if (STENCIL) {
+        face = pieces[piece].stencil[(of_second_half(own_shading).w & TRIANGLE_FRONT) != 0u ? 0u : 1u];
+        stencil_reference = face.y & 255u;
+    }
+    Tests tests = Tests(state, bounds, z_plane, adjustment, face);
+    bool test = (state & (DEPTH_STATE_TEST | DEPTH_STATE_BOUNDS)) != 0u || is_tested(face);
+    // What is left to do for a sample that has passed.
+    Tests done = Tests(state & ~(DEPTH_STATE_TEST | DEPTH_STATE_BOUNDS), bounds, z_plane, adjustment, face);
     uint enabled = ALL_SAMPLES & (state >> SAMPLE_STATE_MASK_SHIFT);
     uvec4 states[MAX_COLORS / 4u];
     states[0] = of_quad(pieces[piece].colors[0][QUAD_LANE]);
@@ -107,14 +118,16 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                     mask &= covered_samples(edges, at_column + edges.dy * y, pixel);
                     mask = across && y >= low.y && y <= high.y ? mask : 0u;
                 }
-                if (mask != 0u && test && EARLY) {
+                if (mask != 0u && test && FIRST) {
                     uint number = uint(local_origin.y + y) * batch.width + uint(local_origin.x + x);
                     float z = depth_in_column(z_column, z_plane.z, adjustment, float(pixel.y));
-                    mask = passing(tests, mask, pixel, number, z, SAMPLES == 1u && DEPTH == DEPTH_EARLY && write);
+                    mask = passing(tests, mask, pixel, number, z, SAMPLES == 1u && DEPTH == DEPTH_EARLY);
                 }
                 passed |= mask != 0u ? 1u << (((row - part * ROWS) << COLUMNS_LOG2) + column) : 0u;
             }
         }
+        // Where no colour is written, the tests may be all that there is to do.
+        if (SAMPLES == 1u && DEPTH == DEPTH_EARLY && (state & FRAGMENT_STATE_COLORLESS) != 0u && batch.traced == 0u) continue;
         uint left = passed | subgroupQuadSwapHorizontal(passed);
         left |= subgroupQuadSwapVertical(left);
         if (left == 0u) continue;
@@ -133,7 +146,7 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                 coverage = enabled;
                 if (!covers) coverage &= covered_samples(edges, edges.at + edges.dx * p.x + edges.dy * p.y, origin + p);
                 mask = coverage;
-                if (test && EARLY) mask = passing(tests, mask, origin + p, number, 0.0, DEPTH == DEPTH_EARLY && write);
+                if (test && EARLY) mask = passing(tests, mask, origin + p, number, 0.0, DEPTH == DEPTH_EARLY);
             }
             for (uint i = 0u; i < (PER_SAMPLE ? SAMPLES : 1u); i++) {
                 uint own = PER_SAMPLE ? 1u << i : 0xffffffffu;
@@ -142,8 +155,9 @@ void draw(const uint key, const uint bin, const ivec2 local_origin) {
                 if (BY_ALPHA && (state & SAMPLE_STATE_ALPHA_COVERS) != 0u) kept = covered_by(kept, uintBitsToFloat(color_bits_0u.a));
                 float z = surface_depth;
                 if (DEPTH == DEPTH_WRITTEN) z = stored_depth(ADJUSTED ? limited_depth(tw_FragDepth, adjustment) : tw_FragDepth);
-                if (kept != 0u && test && !EARLY) kept = passing(tests, kept, origin + p, number, z, write);
-                if (DEPTH == DEPTH_EARLY_TEST && kept != 0u && write) passing(Tests(0u, bounds, z_plane, adjustment), kept, origin + p, number, z, true);
+                if (STENCIL && !EARLY) tests.face.y = (face.y & ~255u) | (uint(tw_FragStencilRef) & 255u);
+                if (kept != 0u && test && !EARLY) kept = passing(tests, kept, origin + p, number, z, true);
+                if (kept != 0u && test && DEPTH == DEPTH_EARLY_TEST) passing(done, kept, origin + p, number, z, true);
                 // No `continue`: the lanes of the quad must be together again for the next sample.
                 if (kept != 0u) {
                     if (batch.traced != 0u) show(kept, bin, tile_index(uvec2(p)), key);

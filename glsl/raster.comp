@@ -1,7 +1,7 @@
-// Raster and z-test of opaque work: finds the triangle that each sample of a bin shows.
+// Raster, z-test and stencil test of opaque work: finds the triangle that each sample of a bin shows.
 //
-// Reads: the non-empty bins, the lists of their cells, triangles, depth.
-// Writes: depth and its bounds, for the bins in which the batch shows a triangle; for each fragment kernel
+// Reads: the non-empty bins, the lists of their cells, triangles, depth, stencil values.
+// Writes: depth and its bounds, and stencil values, for the bins in which the batch shows a triangle; for each fragment kernel
 // of the batch a list of the bins in which it has pixels. An entry of a list has the key of the triangle that
 // covers the whole bin, or else 0: then `visibility` has the key of the triangle that each sample shows, or 0.
 // Visibility of other bins may be overwritten by zeros.
@@ -36,6 +36,7 @@ layout(scalar, binding = 1) readonly buffer CellEnds { uint cell_ends[]; };
 layout(scalar, binding = 2) readonly buffer Entries { uint entries[]; };
 layout(scalar, binding = 3) readonly buffer Triangles { QuadTriangle triangles[]; };
 layout(scalar, binding = 4) readonly buffer Pieces { Piece pieces[]; };
+#include "listed.glsl"
 #include "shade_lists.glsl"
 
 // The least and the greatest depth that a pixel of each bin may have; if they are equal, all pixels have that
@@ -79,11 +80,8 @@ void main() {
             uvec4 y_high = uvec4(triangles[at].raster[2], triangles[at].raster[3]);
             ivec3 x = ivec3(x_low.xyz), y = ivec3(y_high.xyz);
             vec3 plane = uintBitsToFloat(uvec3(triangles[at].shading[0], triangles[at].shading[1].x));
-            vec3 adjustment = NO_ADJUSTMENT;
-            if (ADJUSTED && (triangles[at].shading[3].y & TRIANGLE_ADJUSTED) != 0u) {
-                uint piece = triangles[at].shading[1].y, exponent = triangles[at].shading[3].y >> TRIANGLE_EXPONENT_SHIFT;
-                adjustment = vec3(bias_of(pieces[piece].depth_bias, plane.yz, exponent), pieces[piece].depth_limits);
-            }
+            vec3 adjustment = adjustment_of(at, plane);
+            uvec2 face = face_of(at);
             // A bin that reaches beyond the target is cut at the target's border.
             uint cut = inside ? triangles[at].shading[3].y & TRIANGLE_CUT : TRIANGLE_CUT;
             ivec2 low = ivec2(x_low.w & 0xffffu, x_low.w >> 16) - local_origin;
@@ -96,7 +94,7 @@ void main() {
                 ivec3 least = edges.at - reach + min(edges.dx, 0) * BIN_LAST.x + min(edges.dy, 0) * BIN_LAST.y;
                 ivec3 most = edges.at + reach + max(edges.dx, 0) * BIN_LAST.x + max(edges.dy, 0) * BIN_LAST.y;
                 vec2 bounds = depth_bounds(plane, adjustment, origin, BIN_LAST);
-                bool covers = COVERS_WHOLE_BINS && (least.x | least.y | least.z) >= 0 && inside && all(lessThanEqual(low, ivec2(0))) &&
+                bool covers = COVERS_WHOLE_BINS && !is_tested(face) && (least.x | least.y | least.z) >= 0 && inside && all(lessThanEqual(low, ivec2(0))) &&
                               all(greaterThanEqual(high, BIN_LAST));
                 uvec4 mask = lanes_where(live && (most.x | most.y | most.z) >= 0), covering = lanes_where(covers);
                 while (single && has_lanes(mask)) {
@@ -150,6 +148,8 @@ void main() {
                     vec3 adjustment_j = NO_ADJUSTMENT;
                     if (ADJUSTED) adjustment_j = subgroupShuffle(adjustment, j);
                     uint key_j = subgroupShuffle(key, j);
+                    uvec2 face_j = NO_STENCIL_TEST;
+                    if (STENCIL) face_j = subgroupShuffle(face, j);
                     bool cut_j = subgroupShuffle(cut, j) != 0u;
                     ivec2 low_j = subgroupShuffle(low, j), high_j = subgroupShuffle(high, j);
                     uint left = subgroupShuffle(patches, j);
@@ -165,7 +165,7 @@ void main() {
                         for (uint s = 0u; s < SAMPLES; s++) {
                             if (boxed && covered(edges_at(Edges(e, dx, dy, rest), sample_offset(s)), origin + p)) {
                                 float z = depth_at(plane_j, adjustment_j, place_of(bin, p, s));
-                                if (beats(bin, pixel, p, s, z, key_j)) {
+                                if (beats(bin, pixel, p, s, z, key_j) && stencil_takes(bin, p, s, face_j)) {
                                     hold(bin, pixel, p, s, z, key_j);
                                     any |= key_j;
                                 }

@@ -2,7 +2,7 @@
 //
 // Reads: samples, or texels. Writes: the other ones.
 // Contract: a texel of colours is the average of its samples, that of linear light if the format is sRGB-encoded. A texel
-// of integers is sample 0. A texel of depth is what MODE says. The other way, all samples of a pixel become its texel.
+// of integers is sample 0. A texel of depth or of stencil values is what MODE says. The other way, all samples of a pixel become its texel.
 // Kernel / Twin: src/compute/resolve.rs; no twin, tests compare with averages.
 #version 460
 #include "abi.glsl"
@@ -35,6 +35,15 @@ uvec4 resolved_color(const uint at, const uint words) {
     return color_encode(FORMAT, floatBitsToUint(all[0]));
 }
 
+uint resolved_stencil(const uint at) {
+    uint value = samples[at];
+    for (uint s = 1u; s < SAMPLES; s++) {
+        if (MODE == RESOLVE_MODE_MIN) value = min(value, samples[at + s]);
+        if (MODE == RESOLVE_MODE_MAX) value = max(value, samples[at + s]);
+    }
+    return value;
+}
+
 float resolved_depth(const uint at) {
     if (MODE == RESOLVE_MODE_SAMPLE_ZERO) return uintBitsToFloat(samples[at]);
     float all[SAMPLES];
@@ -50,7 +59,7 @@ float resolved_depth(const uint at) {
 }
 
 void main() {
-    uint words = FORMAT == NO_FORMAT ? 1u : color_words(FORMAT);
+    uint words = FORMAT == NO_FORMAT || FORMAT == FORMAT_S8_UINT ? 1u : color_words(FORMAT);
     uint first = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * GROUP * CLEAR_ROUNDS;
     uint end = min(first + GROUP * CLEAR_ROUNDS, resolve.pixels);
     for (uint i = first + gl_LocalInvocationIndex; i < end; i += GROUP) {
@@ -61,6 +70,8 @@ void main() {
             }
         } else if (FORMAT == NO_FORMAT) {
             texels[texel] = floatBitsToUint(resolved_depth(at));
+        } else if (FORMAT == FORMAT_S8_UINT) {
+            texels[texel] = resolved_stencil(at);
         } else {
             uvec4 value = resolved_color(at, words);
             texels[texel] = value.x;

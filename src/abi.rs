@@ -87,6 +87,8 @@ shared_constants! {
     pub const SPEC_POSITIONS_3: u32 = 14;
     /// Specialization constant: whether a fragment shader runs for each sample.
     pub const SPEC_PER_SAMPLE: u32 = 15;
+    /// Specialization constant: whether there may be a stencil test.
+    pub const SPEC_STENCIL: u32 = 18;
     /// Specialization constant: whether alpha may say which samples are covered, or be 1 whatever shaders return.
     pub const SPEC_BY_ALPHA: u32 = 17;
     /// Specialization constant: the `ResolveMode`.
@@ -194,8 +196,21 @@ shared_constants! {
     pub const SAMPLE_STATE_ALPHA_COVERS: u32 = 256;
     /// [`Piece::fragment_state`]: alpha is 1 in what follows.
     pub const SAMPLE_STATE_ALPHA_ONE: u32 = 512;
+    /// [`Piece::fragment_state`]: fragments change depth and stencil values alone, and their shader has no other effect.
+    pub const FRAGMENT_STATE_COLORLESS: u32 = 1024;
     /// [`Piece::fragment_state`]: first of 16 bits, those of the samples that may be drawn to.
     pub const SAMPLE_STATE_MASK_SHIFT: u32 = 16;
+
+    /// [`Piece::stencil`]: first bit of the `StencilOp` where the stencil test fails. The `Compare` comes before.
+    pub const STENCIL_FAIL_SHIFT: u32 = 3;
+    /// [`Piece::stencil`]: first bit of the operation where the depth test fails.
+    pub const STENCIL_DEPTH_FAIL_SHIFT: u32 = 6;
+    /// [`Piece::stencil`]: first bit of the operation where both pass.
+    pub const STENCIL_PASS_SHIFT: u32 = 9;
+    /// [`Piece::stencil`]: in the second word of a face, first bit of the bits that are compared. The reference comes before.
+    pub const STENCIL_COMPARE_MASK_SHIFT: u32 = 8;
+    /// [`Piece::stencil`]: in that word, first bit of the bits that operations change.
+    pub const STENCIL_WRITE_MASK_SHIFT: u32 = 16;
 
     /// A blend equation: bits of a factor. The source's factor comes first.
     pub const BLEND_FACTOR_BITS: u32 = 5;
@@ -419,6 +434,9 @@ pub struct Piece {
     pub depth_limits: [f32; 2],
     /// Constant colour and constant alpha of blending.
     pub blend_constants: [f32; 4],
+    /// The stencil test of front faces, then of back faces, two words each, at `STENCIL_*`: comparison and operations, reference
+    /// and masks. Without a test, all fragments pass and nothing changes.
+    pub stencil: [[u32; 2]; 2],
 }
 
 /// The memory that one input location of a vertex shader reads.

@@ -17,12 +17,14 @@ shared_enum! {
         Uint = 4,
         /// A signed integer.
         Sint = 5,
-        /// A depth in 0..=1.
+        /// A depth in 0..=1, and in some formats a stencil value beside it.
         Depth = 6,
+        /// A stencil value.
+        Stencil = 7,
         /// An unsigned integer that shaders see as a float. Only vertices have it.
-        Uscaled = 7,
+        Uscaled = 8,
         /// A signed integer that shaders see as a float. Only vertices have it.
-        Sscaled = 8,
+        Sscaled = 9,
     }
 }
 
@@ -205,6 +207,13 @@ formats! {
         D16Unorm = Depth Bits16 1,
         /// One 24-bit unsigned normalized depth in the lowest bits of a word. The other bits of a picture are 0.
         X8D24Unorm = Depth Low24 1,
+        /// One 8-bit stencil value.
+        S8Uint = Stencil Bits8 1,
+        /// A depth of [`Format::X8D24Unorm`] and a stencil value of [`Format::S8Uint`]. Images alone have it: a picture has
+        /// either the depths or the stencil values.
+        D24UnormS8Uint = Depth Low24 2,
+        /// As [`Format::D24UnormS8Uint`], with a depth of [`Format::D32Float`].
+        D32FloatS8Uint = Depth Bits32 2,
     }
 }
 
@@ -224,9 +233,12 @@ impl Format {
         self.parts().2 as usize
     }
 
-    /// Bytes of one texel.
+    /// Bytes of one texel. Of a depth and a stencil value, those of the depth: commands copy the two apart.
     pub const fn texel_bytes(self) -> usize {
-        self.packing().bytes(self.channels())
+        match self.is_depth() {
+            true => self.packing().bytes(1),
+            false => self.packing().bytes(self.channels()),
+        }
     }
 
     /// Bytes of one texel where kernels read and write it.
@@ -239,18 +251,46 @@ impl Format {
         matches!(self.numeric(), Numeric::Depth)
     }
 
+    /// Whether it holds stencil values.
+    pub const fn is_stencil(self) -> bool {
+        matches!(self, Format::S8Uint | Format::D24UnormS8Uint | Format::D32FloatS8Uint)
+    }
+
+    /// Whether it holds colours.
+    pub const fn is_color(self) -> bool {
+        !self.is_depth() && !self.is_stencil()
+    }
+
+    /// Of a format of depths and stencil values, that of its depths; any other format itself.
+    pub const fn without_stencil(self) -> Format {
+        match self {
+            Format::D24UnormS8Uint => Format::X8D24Unorm,
+            Format::D32FloatS8Uint => Format::D32Float,
+            other => other,
+        }
+    }
+
+    /// The format of images that hold depths of this one and stencil values, if there is one.
+    pub(crate) const fn with_stencil(self) -> Option<Format> {
+        match self {
+            Format::X8D24Unorm | Format::D24UnormS8Uint => Some(Format::D24UnormS8Uint),
+            Format::D32Float | Format::D32FloatS8Uint => Some(Format::D32FloatS8Uint),
+            _ => None,
+        }
+    }
+
     /// Bits of a depth that is a number, 0 of one that is a float.
     pub(crate) const fn depth_bits(self) -> u32 {
         match self {
             Format::D16Unorm => 16,
-            Format::X8D24Unorm => 24,
+            Format::X8D24Unorm | Format::D24UnormS8Uint => 24,
             _ => 0,
         }
     }
 
-    /// Whether it holds integers that stand for themselves. They are neither filtered nor blended.
+    /// Whether it holds integers that stand for themselves, stencil values included. They are neither filtered nor blended.
     pub const fn is_integer(self) -> bool {
-        matches!(self.numeric(), Numeric::Uint | Numeric::Sint)
+        matches!(self.numeric(), Numeric::Uint | Numeric::Sint | Numeric::Stencil)
     }
 }
 
@@ -312,12 +352,12 @@ impl VertexFormat {
             _ => 4..=4,
         };
         let numeric = match self.packing {
-            Packing::Bits16 => !matches!(self.numeric, Srgb | Depth),
+            Packing::Bits16 => !matches!(self.numeric, Srgb | Depth | Stencil),
             Packing::Bits32 => matches!(self.numeric, Uint | Sint | Float),
             Packing::Rg11b10 => matches!(self.numeric, Float),
             Packing::R5g6b5 | Packing::A1r5g5b5 => matches!(self.numeric, Unorm),
             Packing::Low24 => false,
-            _ => !matches!(self.numeric, Srgb | Depth | Float),
+            _ => !matches!(self.numeric, Srgb | Depth | Stencil | Float),
         };
         *channels.start() <= self.count && self.count <= *channels.end() && numeric
     }

@@ -97,7 +97,7 @@ impl Picture {
     pub fn depths(&self) -> Vec<f32> {
         assert!(self.format.is_depth(), "only a depth image holds depths");
         match self.format {
-            Format::D32Float => bytemuck::pod_collect_to_vec(&self.bytes),
+            Format::D32Float | Format::D32FloatS8Uint => bytemuck::pod_collect_to_vec(&self.bytes),
             _ => self.values().map(|[depth, ..]| depth).collect(),
         }
     }
@@ -122,12 +122,14 @@ impl Picture {
             Numeric::Depth => {
                 Err(Error::Usage("a depth image cannot be shown as a picture".into()))
             }
-            Numeric::Uint | Numeric::Uscaled | Numeric::Sint | Numeric::Sscaled => {
-                Err(Error::Usage(format!(
-                    "a picture of integers ({:?}) cannot be shown: only a program knows what they mean",
-                    self.format
-                )))
-            }
+            Numeric::Uint
+            | Numeric::Uscaled
+            | Numeric::Sint
+            | Numeric::Sscaled
+            | Numeric::Stencil => Err(Error::Usage(format!(
+                "a picture of integers ({:?}) cannot be shown: only a program knows what they mean",
+                self.format
+            ))),
         }
     }
 

@@ -118,6 +118,7 @@ pub mod samples;
 pub mod scene;
 pub mod shader;
 pub mod state;
+pub mod stencil;
 pub mod target;
 pub mod texture;
 #[doc(hidden)]
@@ -135,6 +136,9 @@ pub use pass::{
 };
 pub use samples::Samples;
 pub use shader::{Shader, Stage};
-pub use target::{ClearColor, ColorTarget, DepthTarget, LoadOp, StoreOp, TargetFormats};
+pub use stencil::{StencilFace, StencilOp, StencilState};
+pub use target::{
+    ClearColor, ColorTarget, DepthTarget, LoadOp, StencilTarget, StoreOp, TargetFormats,
+};
 pub use texture::{Sampler, Texture};
 pub use vk::{Buffer, Gpu, GpuOptions, Image, ImageInfo, ImageUse, Kernel, Memory, Submission};

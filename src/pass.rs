@@ -8,13 +8,14 @@
 
 use crate::{
     format::Format,
-    image::Extent,
+    image::{Extent, Picture},
     samples::Samples,
     shader::Shader,
     state::{
         ColorState, Cull, DepthBias, DepthState, FrontFace, LogicOp, Rect, Topology, Viewport,
     },
-    target::{ColorTarget, DepthTarget},
+    stencil::StencilState,
+    target::{ColorTarget, DepthTarget, StencilTarget},
     texture::{Sampler, Texture},
     vk,
 };
@@ -60,6 +61,8 @@ pub struct Pipeline {
     pub front_face: FrontFace,
     /// The depth test.
     pub depth: DepthState,
+    /// The stencil test; `None` is none. Without a stencil target there is none in any case.
+    pub stencil: Option<StencilState>,
     /// Whether depths of fragments, also those that shaders write, are brought into the depth range of the viewport before they
     /// are tested. `gl_FragCoord.z` stays as it is.
     pub depth_clamp: bool,
@@ -104,6 +107,7 @@ impl Pipeline {
             cull: Cull::default(),
             front_face: FrontFace::default(),
             depth: DepthState::default(),
+            stencil: None,
             depth_clamp: false,
             depth_clip: None,
             colors: Vec::new(),
@@ -354,6 +358,8 @@ pub struct Draw {
     pub depth_bias: Option<DepthBias>,
     /// Least and greatest depth for pipelines with [`crate::state::DepthState::bounds`]; 0 and 1 unless set.
     pub depth_bounds: [f32; 2],
+    /// What stencil tests compare with what the target holds, of front faces and of back faces; zeros unless set.
+    pub stencil_reference: [u8; 2],
     /// Constant colour and constant alpha of blending, RGBA, for pipelines whose factors ask for them
     /// ([`crate::state::BlendFactor::ConstantColor`]); zeros unless set.
     pub blend_constants: [f32; 4],
@@ -378,6 +384,7 @@ impl Draw {
             scissor: None,
             depth_bias: None,
             depth_bounds: [0.0, 1.0],
+            stencil_reference: [0; 2],
             blend_constants: [0.0; 4],
         }
     }
@@ -413,10 +420,12 @@ pub struct Pass {
     pub colors: Vec<ColorTarget>,
     /// The depth target, if there is one.
     pub depth: Option<DepthTarget>,
+    /// The stencil target, if there is one.
+    pub stencil: Option<StencilTarget>,
     /// Samples of a pixel of all targets, which exist during the pass only: images and pictures have a texel for each pixel.
     /// What a target begins with, all samples of a pixel get. At the end, a texel of colours becomes the average of the
-    /// samples (of linear light, if the format is sRGB-encoded), one of integers becomes sample 0, and one of depth what
-    /// [`DepthTarget::resolve`] says. This is the model of `VK_EXT_multisampled_render_to_single_sampled`.
+    /// samples (of linear light, if the format is sRGB-encoded), one of integers becomes sample 0, and one of depth or stencil what
+    /// [`DepthTarget::resolve`] or [`StencilTarget::resolve`] says. This is the model of `VK_EXT_multisampled_render_to_single_sampled`.
     pub samples: Samples,
     /// The pipelines that draws refer to.
     pub pipelines: Vec<Arc<Pipeline>>,
@@ -425,13 +434,14 @@ pub struct Pass {
 }
 
 impl Pass {
-    /// A pass that draws nothing yet: an sRGB colour target cleared to transparent black, no depth.
+    /// A pass that draws nothing yet: an sRGB colour target cleared to transparent black, no depth, no stencil.
     pub fn new(label: &str, extent: Extent) -> Self {
         Self {
             label: label.into(),
             extent,
             colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [0.0; 4])],
             depth: None,
+            stencil: None,
             samples: Samples::One,
             pipelines: Vec::new(),
             draws: Vec::new(),
@@ -449,19 +459,27 @@ impl Pass {
 #[non_exhaustive]
 pub struct Frame {
     /// The colour targets that are stored, in the order of the pass.
-    pub colors: Vec<crate::image::Picture>,
+    pub colors: Vec<Picture>,
     /// The depth target, if it is stored.
-    pub depth: Option<crate::image::Picture>,
+    pub depth: Option<Picture>,
+    /// The stencil target, if it is stored.
+    pub stencil: Option<Picture>,
 }
 
 impl Frame {
-    /// These pictures.
-    pub fn new(colors: Vec<crate::image::Picture>, depth: Option<crate::image::Picture>) -> Self {
-        Self { colors, depth }
+    /// These pictures, and no stencil values.
+    pub fn new(colors: Vec<Picture>, depth: Option<Picture>) -> Self {
+        Self { colors, depth, stencil: None }
+    }
+
+    setters! {
+        ;
+        into
+        stencil: Option<Picture>,
     }
 
     /// The first colour target that is stored, if there is one.
-    pub fn into_color(self) -> Option<crate::image::Picture> {
+    pub fn into_color(self) -> Option<Picture> {
         self.colors.into_iter().next()
     }
 }

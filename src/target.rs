@@ -7,7 +7,7 @@ use crate::{
     pass::Pass,
     samples::Samples,
     state::ResolveMode,
-    vk::{self, Subresource},
+    vk::{self, Aspect, Subresource},
 };
 use std::sync::Arc;
 
@@ -149,7 +149,7 @@ impl ColorTarget {
 
     /// The level and the layer that are drawn to.
     pub(crate) fn subresource(&self) -> Subresource {
-        Subresource { level: self.level, layer: self.layer }
+        Subresource { aspect: Aspect::Main, level: self.level, layer: self.layer }
     }
 
     /// What is kept of several samples of a pixel: integers have no average.
@@ -171,8 +171,8 @@ pub struct DepthTarget {
     pub level: u32,
     /// As [`ColorTarget::layer`].
     pub layer: u32,
-    /// [`Format::D32Float`], [`Format::D16Unorm`] or [`Format::X8D24Unorm`]; that of the image, if there is one. Depths are
-    /// tested as the target keeps them.
+    /// [`Format::D32Float`], [`Format::D16Unorm`] or [`Format::X8D24Unorm`]; that of the depths in the image, if there is one,
+    /// which may hold stencil values as well. Depths are tested as the target keeps them.
     pub format: Format,
     /// What it begins with: depths in 0..=1.
     pub load: LoadOp<f32>,
@@ -197,7 +197,7 @@ impl DepthTarget {
 
     /// As [`ColorTarget::on_device`].
     pub fn on_device(image: &vk::Image, load: LoadOp<f32>) -> Self {
-        let (image, format) = (Some(image.clone()), image.format());
+        let (image, format) = (Some(image.clone()), image.format().without_stencil());
         let (store, resolve) = (StoreOp::Store, ResolveMode::SampleZero);
         Self { image, level: 0, layer: 0, format, load, store, resolve }
     }
@@ -212,7 +212,57 @@ impl DepthTarget {
 
     /// The level and the layer that are drawn to.
     pub(crate) fn subresource(&self) -> Subresource {
-        Subresource { level: self.level, layer: self.layer }
+        Subresource { aspect: Aspect::Main, level: self.level, layer: self.layer }
+    }
+}
+
+/// A stencil target: a number of eight bits for each pixel.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct StencilTarget {
+    /// As [`ColorTarget::image`]; [`super::pass::Frame::stencil`] has its content. An image of [`Format::S8Uint`], or one of depths
+    /// and stencil values: the same one that the depth target is, or another one.
+    pub image: Option<vk::Image>,
+    /// As [`ColorTarget::level`].
+    pub level: u32,
+    /// As [`ColorTarget::layer`].
+    pub layer: u32,
+    /// What it begins with. A picture has [`Format::S8Uint`].
+    pub load: LoadOp<u8>,
+    /// What is kept.
+    pub store: StoreOp,
+    /// As [`DepthTarget::resolve`]. Stencil values have no average.
+    pub resolve: ResolveMode,
+}
+
+impl StencilTarget {
+    /// A target that each executor makes, cleared to `value`.
+    pub fn cleared(value: u8) -> Self {
+        let (load, store) = (LoadOp::Clear(value), StoreOp::Store);
+        let resolve = ResolveMode::SampleZero;
+        Self { image: None, level: 0, layer: 0, load, store, resolve }
+    }
+
+    /// As [`StencilTarget::cleared`], for values that nobody needs after the pass.
+    pub fn transient(value: u8) -> Self {
+        Self { store: StoreOp::Discard, ..Self::cleared(value) }
+    }
+
+    /// As [`ColorTarget::on_device`].
+    pub fn on_device(image: &vk::Image, load: LoadOp<u8>) -> Self {
+        Self { image: Some(image.clone()), load, ..Self::cleared(0) }
+    }
+
+    setters! {
+        level: u32,
+        layer: u32,
+        store: StoreOp,
+        resolve: ResolveMode,
+    }
+
+    /// The level and the layer that are drawn to.
+    pub(crate) fn subresource(&self) -> Subresource {
+        Subresource { aspect: Aspect::Stencil, level: self.level, layer: self.layer }
     }
 }
 
@@ -224,6 +274,8 @@ pub struct TargetFormats {
     pub colors: Vec<Format>,
     /// The format of the depth target, if there is one.
     pub depth: Option<Format>,
+    /// Whether there is a stencil target.
+    pub stencil: bool,
     /// Samples of a pixel.
     pub samples: Samples,
 }
@@ -238,12 +290,14 @@ impl TargetFormats {
     pub fn of(pass: &Pass) -> Self {
         Self {
             depth: pass.depth.as_ref().map(|depth| depth.format),
+            stencil: pass.stencil.is_some(),
             samples: pass.samples,
             ..Self::new(pass.colors.iter().map(|color| color.format))
         }
     }
 
     setters! {
+        stencil: bool,
         samples: Samples,
         ;
         into
@@ -273,11 +327,22 @@ impl DepthTarget {
     }
 }
 
+impl StencilTarget {
+    /// As [`ColorTarget::snapshot`].
+    ///
+    /// # Errors
+    /// As [`vk::Image::download`].
+    pub(crate) fn snapshot(&self) -> Result<Self> {
+        let load = self.load.snapshot(self.image.as_ref(), self.subresource())?;
+        Ok(Self { image: None, level: 0, layer: 0, load, ..self.clone() })
+    }
+}
+
 impl<T: Clone> LoadOp<T> {
     fn snapshot(&self, image: Option<&vk::Image>, at: Subresource) -> Result<Self> {
         match (self, image) {
             (LoadOp::Load, Some(image)) => {
-                let picture = image.download_layer(at.level, at.layer)?;
+                let picture = image.download_subresource(at)?;
                 Ok(LoadOp::Picture(Arc::new(picture)))
             }
             (load, _) => Ok(load.clone()),
@@ -287,9 +352,9 @@ impl<T: Clone> LoadOp<T> {
 
 /// Whether `format` holds colours.
 pub(crate) fn check_color_format(format: Format) -> Fault {
-    match format.is_depth() {
-        true => Err(format!("{format:?} is no format of a colour target")),
-        false => Ok(()),
+    match format.is_color() {
+        true => Ok(()),
+        false => Err(format!("{format:?} is no format of a colour target")),
     }
 }
 
@@ -319,7 +384,7 @@ impl DepthTarget {
             LoadOp::Clear(_) | LoadOp::Load | LoadOp::Picture(_) => {}
         }
         let place = (self.image.as_ref(), self.subresource());
-        if !self.format.is_depth() {
+        if !self.format.is_depth() || self.format.is_stencil() {
             let of = |image: &vk::Image| format!("image `{}` is ", image.name());
             let of = self.image.as_ref().map(of).unwrap_or_default();
             return Err(format!("{of}{:?}, which is no format of a depth target", self.format));
@@ -334,14 +399,28 @@ impl DepthTarget {
     }
 }
 
+impl StencilTarget {
+    /// Whether a pass of `extent` can draw to it.
+    pub(crate) fn check(&self, extent: Extent) -> Fault {
+        if let Some(image) = self.image.as_ref().filter(|image| !image.format().is_stencil()) {
+            let (name, format) = (image.name(), image.format());
+            return Err(format!("image `{name}` is {format:?}, which holds no stencil values"));
+        }
+        if self.resolve == ResolveMode::Average {
+            return Err("stencil values have no average: resolve them in another way".into());
+        }
+        check((self.image.as_ref(), self.subresource()), &self.load, Format::S8Uint, extent)
+    }
+}
+
 fn check<T>(
     (image, subresource): (Option<&vk::Image>, Subresource),
     load: &LoadOp<T>,
     format: Format,
     extent: Extent,
 ) -> Fault {
-    if image.is_none() && subresource != Subresource::default() {
-        let Subresource { level, layer } = subresource;
+    let Subresource { level, layer, .. } = subresource;
+    if image.is_none() && (level, layer) != (0, 0) {
         return Err(format!("a target without an image has no level {level} or layer {layer}"));
     }
     if let Some(image) = image {
@@ -352,9 +431,8 @@ fn check<T>(
             ));
         }
         image.0.check_subresource(subresource).map_err(|fault| fault.to_string())?;
-        let (has, of, level) =
-            (image.extent().level(subresource.level), image.format(), subresource.level);
-        if (has, of) != (extent, format) {
+        let (has, of, level) = (image.extent().level(level), image.format(), level);
+        if (has, subresource.format(of)) != (extent, format) {
             let of_level = if level == 0 { String::new() } else { format!(" in level {level}") };
             return Err(format!(
                 "image `{name}` is {has} {of:?}{of_level}; the pass draws to {extent} {format:?}"

@@ -144,6 +144,8 @@ pub struct BatchTrace {
     pub visibility: Vec<u32>,
     /// Depth of each sample after the batch, in the same order.
     pub depth: Vec<f32>,
+    /// Stencil values in the same way; none without a stencil target.
+    pub stencil: Vec<u32>,
 }
 
 impl BatchTrace {
@@ -195,6 +197,15 @@ impl BatchTrace {
                     (&self.depth, &other.depth),
                     |a, b| a.to_bits() == b.to_bits(),
                     |depth| format!("{depth:?}"),
+                )
+            })
+            .or_else(|| {
+                let shown = |at| self.visibility.get(at).map_or("nothing".into(), name);
+                difference(
+                    |at| format!("raster: stencil value of {}, {}", pixel(at), shown(at)),
+                    (&self.stencil, &other.stencil),
+                    u32::eq,
+                    u32::to_string,
                 )
             })
     }

@@ -21,7 +21,7 @@ use tilewright::{
 
 /// The formats of colour targets.
 fn formats() -> impl Iterator<Item = Format> {
-    Format::ALL.iter().copied().filter(|format| !format.is_depth())
+    Format::ALL.iter().copied().filter(|format| format.is_color())
 }
 
 /// A fragment shader that writes what targets of `format` hold, and more than that.

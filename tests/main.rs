@@ -41,6 +41,7 @@ mod second_source;
 mod setup;
 mod specialized;
 mod splice;
+mod stencil;
 mod storage_images;
 mod tables;
 mod targets;

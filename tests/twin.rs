@@ -18,7 +18,8 @@ use tilewright::{
     scene::{PassOptions, Scene},
     shader::{Shader, Stage},
     state::{Blend, Compare, Cull, DepthBias, DepthState, FrontFace, Rect, Topology, Viewport},
-    target::{ColorTarget, DepthTarget, LoadOp},
+    stencil::{StencilFace, StencilOp, StencilState},
+    target::{ColorTarget, DepthTarget, LoadOp, StencilTarget},
     trace::{Trace, Vertex},
     vk::{Gpu, GpuOptions},
 };
@@ -122,7 +123,31 @@ pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
         };
         pass.samples = [Samples::One, several][random.below(2)];
     }
+    if random.below(3) == 0 {
+        pass.stencil = Some(StencilTarget::cleared(random.below(4) as u8));
+    }
     for (draw, pipeline) in pass.draws.iter_mut().zip(&mut pass.pipelines) {
+        if random.below(2) == 0 {
+            let op = |random: &mut Random| StencilOp::ALL[random.below(StencilOp::ALL.len())];
+            let mut face = || {
+                let face = StencilFace::new(Compare::ALL[random.below(8)]);
+                let face = face.compare_mask(random.bits() as u8).write_mask(random.bits() as u8);
+                match random.below(3) {
+                    // Opaque work, if both faces are so.
+                    0 => face.compare(Compare::Always).write_mask(15).pass(StencilOp::Replace),
+                    1 => face,
+                    _ => {
+                        let face = face.fail(op(&mut random)).depth_fail(op(&mut random));
+                        face.pass(op(&mut random))
+                    }
+                }
+            };
+            let front = face();
+            let back = if front.pass == StencilOp::Replace { front } else { face() };
+            let state = StencilState::new(front).back(back);
+            *pipeline = Arc::new((**pipeline).clone().stencil(state));
+            draw.stencil_reference = [random.below(5) as u8, random.below(5) as u8];
+        }
         if random.below(6) == 0 {
             let depths = [(); 2].map(|()| [0.0, 0.5, 1.0, random.unit()][random.below(4)]);
             draw.depth_bounds = [depths[0].min(depths[1]), depths[0].max(depths[1])];

@@ -34,6 +34,7 @@
 #define SPEC_POSITIONS_2 13u
 #define SPEC_POSITIONS_3 14u
 #define SPEC_PER_SAMPLE 15u
+#define SPEC_STENCIL 18u
 #define SPEC_BY_ALPHA 17u
 #define SPEC_RESOLVE_MODE 16u
 #define SPEC_ADJUSTED 8u
@@ -81,7 +82,13 @@
 #define DEPTH_STATE_COMPARE_SHIFT 3u
 #define SAMPLE_STATE_ALPHA_COVERS 256u
 #define SAMPLE_STATE_ALPHA_ONE 512u
+#define FRAGMENT_STATE_COLORLESS 1024u
 #define SAMPLE_STATE_MASK_SHIFT 16u
+#define STENCIL_FAIL_SHIFT 3u
+#define STENCIL_DEPTH_FAIL_SHIFT 6u
+#define STENCIL_PASS_SHIFT 9u
+#define STENCIL_COMPARE_MASK_SHIFT 8u
+#define STENCIL_WRITE_MASK_SHIFT 16u
 #define BLEND_FACTOR_BITS 5u
 #define BLEND_TARGET_SHIFT 5u
 #define BLEND_OP_SHIFT 10u
@@ -98,8 +105,9 @@
 #define NUMERIC_UINT 4u
 #define NUMERIC_SINT 5u
 #define NUMERIC_DEPTH 6u
-#define NUMERIC_USCALED 7u
-#define NUMERIC_SSCALED 8u
+#define NUMERIC_STENCIL 7u
+#define NUMERIC_USCALED 8u
+#define NUMERIC_SSCALED 9u
 #define PACKING_BITS8 0u
 #define PACKING_BITS16 1u
 #define PACKING_BITS32 2u
@@ -157,6 +165,9 @@
 #define FORMAT_D32_FLOAT 22u
 #define FORMAT_D16_UNORM 14u
 #define FORMAT_X8_D24_UNORM 30u
+#define FORMAT_S8_UINT 7u
+#define FORMAT_D24_UNORM_S8_UINT 94u
+#define FORMAT_D32_FLOAT_S8_UINT 86u
 #define TOPOLOGY_TRIANGLE_LIST 0u
 #define TOPOLOGY_TRIANGLE_STRIP 1u
 #define TOPOLOGY_TRIANGLE_FAN 2u
@@ -217,6 +228,14 @@
 #define RESOLVE_MODE_SAMPLE_ZERO 1u
 #define RESOLVE_MODE_MIN 2u
 #define RESOLVE_MODE_MAX 3u
+#define STENCIL_OP_KEEP 0u
+#define STENCIL_OP_ZERO 1u
+#define STENCIL_OP_REPLACE 2u
+#define STENCIL_OP_INCREMENT_AND_CLAMP 3u
+#define STENCIL_OP_DECREMENT_AND_CLAMP 4u
+#define STENCIL_OP_INVERT 5u
+#define STENCIL_OP_INCREMENT_AND_WRAP 6u
+#define STENCIL_OP_DECREMENT_AND_WRAP 7u
 #define PIXEL_COLUMN(i) (((i) >> 0 & 1u) | ((i) >> 1 & 6u) | ((i) >> 3 & 8u))
 #define PIXEL_ROW(i) (((i) >> 1 & 1u) | ((i) >> 3 & 6u) | ((i) >> 4 & 8u))
 #define PIXEL_NUMBER(x, y) (((x) & 1u) << 0 | ((x) & 6u) << 1 | ((x) & 8u) << 3 | ((y) & 1u) << 1 | ((y) & 6u) << 3 | ((y) & 8u) << 4)

@@ -1,6 +1,6 @@
 //! The constants and layouts that the kernels were compiled with. Made by `cargo spirv`.
 
-use crate::{abi, format, state};
+use crate::{abi, format, state, stencil};
 
 const _: () = assert!(abi::SUBPIXEL_BITS == 8, "SUBPIXEL_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::BIN_SIZE_LOG2 == 4, "BIN_SIZE_LOG2 has changed: run `cargo spirv`");
@@ -38,6 +38,7 @@ const _: () = assert!(abi::SPEC_POSITIONS_1 == 12, "SPEC_POSITIONS_1 has changed
 const _: () = assert!(abi::SPEC_POSITIONS_2 == 13, "SPEC_POSITIONS_2 has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_POSITIONS_3 == 14, "SPEC_POSITIONS_3 has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_PER_SAMPLE == 15, "SPEC_PER_SAMPLE has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_STENCIL == 18, "SPEC_STENCIL has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_BY_ALPHA == 17, "SPEC_BY_ALPHA has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_RESOLVE_MODE == 16, "SPEC_RESOLVE_MODE has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_ADJUSTED == 8, "SPEC_ADJUSTED has changed: run `cargo spirv`");
@@ -85,7 +86,13 @@ const _: () = assert!(abi::DEPTH_STATE_UNCLIPPED == 128, "DEPTH_STATE_UNCLIPPED 
 const _: () = assert!(abi::DEPTH_STATE_COMPARE_SHIFT == 3, "DEPTH_STATE_COMPARE_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::SAMPLE_STATE_ALPHA_COVERS == 256, "SAMPLE_STATE_ALPHA_COVERS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SAMPLE_STATE_ALPHA_ONE == 512, "SAMPLE_STATE_ALPHA_ONE has changed: run `cargo spirv`");
+const _: () = assert!(abi::FRAGMENT_STATE_COLORLESS == 1024, "FRAGMENT_STATE_COLORLESS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SAMPLE_STATE_MASK_SHIFT == 16, "SAMPLE_STATE_MASK_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::STENCIL_FAIL_SHIFT == 3, "STENCIL_FAIL_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::STENCIL_DEPTH_FAIL_SHIFT == 6, "STENCIL_DEPTH_FAIL_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::STENCIL_PASS_SHIFT == 9, "STENCIL_PASS_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::STENCIL_COMPARE_MASK_SHIFT == 8, "STENCIL_COMPARE_MASK_SHIFT has changed: run `cargo spirv`");
+const _: () = assert!(abi::STENCIL_WRITE_MASK_SHIFT == 16, "STENCIL_WRITE_MASK_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_FACTOR_BITS == 5, "BLEND_FACTOR_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_TARGET_SHIFT == 5, "BLEND_TARGET_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::BLEND_OP_SHIFT == 10, "BLEND_OP_SHIFT has changed: run `cargo spirv`");
@@ -102,8 +109,9 @@ const _: () = assert!(format::Numeric::Float as u32 == 3, "Numeric::Float has ch
 const _: () = assert!(format::Numeric::Uint as u32 == 4, "Numeric::Uint has changed: run `cargo spirv`");
 const _: () = assert!(format::Numeric::Sint as u32 == 5, "Numeric::Sint has changed: run `cargo spirv`");
 const _: () = assert!(format::Numeric::Depth as u32 == 6, "Numeric::Depth has changed: run `cargo spirv`");
-const _: () = assert!(format::Numeric::Uscaled as u32 == 7, "Numeric::Uscaled has changed: run `cargo spirv`");
-const _: () = assert!(format::Numeric::Sscaled as u32 == 8, "Numeric::Sscaled has changed: run `cargo spirv`");
+const _: () = assert!(format::Numeric::Stencil as u32 == 7, "Numeric::Stencil has changed: run `cargo spirv`");
+const _: () = assert!(format::Numeric::Uscaled as u32 == 8, "Numeric::Uscaled has changed: run `cargo spirv`");
+const _: () = assert!(format::Numeric::Sscaled as u32 == 9, "Numeric::Sscaled has changed: run `cargo spirv`");
 const _: () = assert!(format::Packing::Bits8 as u32 == 0, "Packing::Bits8 has changed: run `cargo spirv`");
 const _: () = assert!(format::Packing::Bits16 as u32 == 1, "Packing::Bits16 has changed: run `cargo spirv`");
 const _: () = assert!(format::Packing::Bits32 as u32 == 2, "Packing::Bits32 has changed: run `cargo spirv`");
@@ -161,6 +169,9 @@ const _: () = assert!(format::Format::A1r5g5b5Unorm as u32 == 248, "Format::A1r5
 const _: () = assert!(format::Format::D32Float as u32 == 22, "Format::D32Float has changed: run `cargo spirv`");
 const _: () = assert!(format::Format::D16Unorm as u32 == 14, "Format::D16Unorm has changed: run `cargo spirv`");
 const _: () = assert!(format::Format::X8D24Unorm as u32 == 30, "Format::X8D24Unorm has changed: run `cargo spirv`");
+const _: () = assert!(format::Format::S8Uint as u32 == 7, "Format::S8Uint has changed: run `cargo spirv`");
+const _: () = assert!(format::Format::D24UnormS8Uint as u32 == 94, "Format::D24UnormS8Uint has changed: run `cargo spirv`");
+const _: () = assert!(format::Format::D32FloatS8Uint as u32 == 86, "Format::D32FloatS8Uint has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleList as u32 == 0, "Topology::TriangleList has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleStrip as u32 == 1, "Topology::TriangleStrip has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleFan as u32 == 2, "Topology::TriangleFan has changed: run `cargo spirv`");
@@ -221,6 +232,14 @@ const _: () = assert!(state::ResolveMode::Average as u32 == 0, "ResolveMode::Ave
 const _: () = assert!(state::ResolveMode::SampleZero as u32 == 1, "ResolveMode::SampleZero has changed: run `cargo spirv`");
 const _: () = assert!(state::ResolveMode::Min as u32 == 2, "ResolveMode::Min has changed: run `cargo spirv`");
 const _: () = assert!(state::ResolveMode::Max as u32 == 3, "ResolveMode::Max has changed: run `cargo spirv`");
+const _: () = assert!(stencil::StencilOp::Keep as u32 == 0, "StencilOp::Keep has changed: run `cargo spirv`");
+const _: () = assert!(stencil::StencilOp::Zero as u32 == 1, "StencilOp::Zero has changed: run `cargo spirv`");
+const _: () = assert!(stencil::StencilOp::Replace as u32 == 2, "StencilOp::Replace has changed: run `cargo spirv`");
+const _: () = assert!(stencil::StencilOp::IncrementAndClamp as u32 == 3, "StencilOp::IncrementAndClamp has changed: run `cargo spirv`");
+const _: () = assert!(stencil::StencilOp::DecrementAndClamp as u32 == 4, "StencilOp::DecrementAndClamp has changed: run `cargo spirv`");
+const _: () = assert!(stencil::StencilOp::Invert as u32 == 5, "StencilOp::Invert has changed: run `cargo spirv`");
+const _: () = assert!(stencil::StencilOp::IncrementAndWrap as u32 == 6, "StencilOp::IncrementAndWrap has changed: run `cargo spirv`");
+const _: () = assert!(stencil::StencilOp::DecrementAndWrap as u32 == 7, "StencilOp::DecrementAndWrap has changed: run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, slot) == 0, "Attribute.slot differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, offset) == 4, "Attribute.offset differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Attribute, stride) == 8, "Attribute.stride differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
@@ -307,7 +326,8 @@ const _: () = assert!(std::mem::offset_of!(abi::Piece, depth_bias) == 176, "Piec
 const _: () = assert!(std::mem::offset_of!(abi::Piece, depth_bounds) == 188, "Piece.depth_bounds differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, depth_limits) == 196, "Piece.depth_limits differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, blend_constants) == 204, "Piece.blend_constants differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
-const _: () = assert!(std::mem::size_of::<abi::Piece>() == 220, "Piece has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Piece, stencil) == 220, "Piece.stencil differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::size_of::<abi::Piece>() == 236, "Piece has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, x) == 0, "Triangle.x differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, bounds_min) == 12, "Triangle.bounds_min differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, y) == 16, "Triangle.y differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");

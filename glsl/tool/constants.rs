@@ -18,11 +18,14 @@ mod format;
 #[allow(clippy::enum_variant_names)]
 #[path = "../../src/state.rs"]
 mod state;
+#[allow(dead_code)]
+#[path = "../../src/stencil.rs"]
+mod stencil;
 
 use std::fmt::Write as _;
 
 /// The modules that share constants with GLSL, with the name and the number of each constant.
-fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 12] {
+fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 13] {
     [
         ("abi", abi::CONSTANTS),
         ("format", format::Numeric::NUMBERS),
@@ -36,6 +39,7 @@ fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 12] {
         ("state", state::BlendOp::NUMBERS),
         ("state", state::LogicOp::NUMBERS),
         ("state", state::ResolveMode::NUMBERS),
+        ("stencil", stencil::StencilOp::NUMBERS),
     ]
 }
 

@@ -78,7 +78,7 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
             let module = load(&name, &compile(&name, &text, "comp", &defines)?)?;
             let structs = layout::assertions(&module, &text);
             let all = format!(
-                "//! The constants and layouts that the kernels were compiled with. Made by `cargo spirv`.\n\nuse crate::{{abi, format, state}};\n\n{}{structs}",
+                "//! The constants and layouts that the kernels were compiled with. Made by `cargo spirv`.\n\nuse crate::{{abi, format, state, stencil}};\n\n{}{structs}",
                 constants::assertions()
             );
             files.insert("layout.rs".into(), all.into_bytes());

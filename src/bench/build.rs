@@ -112,6 +112,7 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
         extent,
         colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [0.05, 0.06, 0.08, 1.0])],
         depth: Some(DepthTarget::cleared(1.0)),
+        stencil: None,
         samples: Samples::One,
         pipelines: pipelines.made.into_iter().map(|(_, pipeline)| pipeline).collect(),
         draws,

@@ -22,6 +22,7 @@ mod blend;
 mod layout;
 mod pipeline;
 mod prepared;
+mod stencil;
 mod target;
 
 pub use prepared::Prepared;
@@ -101,7 +102,7 @@ impl Renderer {
         self.resources.trim();
         self.pipelines.next_pass(|compiled| Arc::strong_count(compiled) > 1);
         let mut compiled = Vec::with_capacity(pass.pipelines.len());
-        for (pipeline, variant) in pass.pipelines.iter().zip(Variant::all(pass)?) {
+        for (pipeline, variant) in pass.pipelines.iter().zip(Variant::all(&self.gpu, pass)?) {
             let key = Key(pipeline.clone(), variant);
             let found = match self.pipelines.get(&key) {
                 Some(found) => found.clone(),

@@ -3,6 +3,8 @@
 use super::{
     blend::{blend_state, logic_op},
     layout::Layout,
+    stencil::stencil_state,
+    target::depth_stencil_format,
 };
 use crate::{
     error::{Error, Result},
@@ -23,7 +25,10 @@ use std::{
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Variant {
     colors: Vec<Format>,
-    depth: Option<Format>,
+    /// The format of the image of depths and stencil values, and which of them there are.
+    depth_stencil: Option<Format>,
+    depth: bool,
+    stencil: bool,
     samples: Samples,
     /// The resources, with run-time arrays as long as the longest that the pass binds.
     resources: Vec<Resource>,
@@ -31,12 +36,19 @@ pub(super) struct Variant {
 
 impl Variant {
     /// The variants that `pass` needs of its pipelines, in their order. The pass was validated.
-    pub fn all(pass: &Pass) -> Result<Vec<Self>> {
+    pub fn all(gpu: &Gpu, pass: &Pass) -> Result<Vec<Self>> {
+        let depth_stencil = depth_stencil_format(gpu, pass)?;
         let variant = |pipeline: &Arc<Pipeline>| {
             let resources = pipeline.resources()?;
             let colors = pass.colors.iter().map(|color| color.format).collect();
-            let depth = pass.depth.as_ref().map(|depth| depth.format);
-            Ok(Self { colors, depth, samples: pass.samples, resources })
+            Ok(Self {
+                colors,
+                depth_stencil,
+                depth: pass.depth.is_some(),
+                stencil: pass.stencil.is_some(),
+                samples: pass.samples,
+                resources,
+            })
         };
         let mut all: Vec<Self> = pass.pipelines.iter().map(variant).collect::<Result<_>>()?;
         // The run-time arrays of each pipeline, with the length that is bound to them.
@@ -81,6 +93,7 @@ impl Key {
             cull,
             front_face,
             depth,
+            stencil,
             depth_clamp,
             depth_clip,
             colors,
@@ -90,8 +103,15 @@ impl Key {
             alpha_to_one,
             sample_shading,
         } = &*self.0;
-        let state =
-            (topology, cull, front_face, depth, (depth_clamp, depth_clip), colors, logic_op);
+        let state = (
+            topology,
+            cull,
+            front_face,
+            (depth, stencil),
+            (depth_clamp, depth_clip),
+            colors,
+            logic_op,
+        );
         let vertices = (vertex_bindings, vertex_attributes);
         let samples = (sample_mask, alpha_to_coverage, alpha_to_one, sample_shading);
         (vertex, fragment, specialization, vertices, (state, samples), &self.1)
@@ -342,10 +362,13 @@ fn create(
         .sample_shading_enable(pipeline.sample_shading)
         .min_sample_shading(1.0);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-        .depth_test_enable(variant.depth.is_some() && pipeline.depth.test)
-        .depth_write_enable(variant.depth.is_some() && pipeline.depth.test && pipeline.depth.write)
+        .depth_test_enable(variant.depth && pipeline.depth.test)
+        .depth_write_enable(variant.depth && pipeline.depth.test && pipeline.depth.write)
         .depth_compare_op(compare_op(pipeline.depth.compare))
-        .depth_bounds_test_enable(variant.depth.is_some() && pipeline.depth.bounds);
+        .depth_bounds_test_enable(variant.depth && pipeline.depth.bounds)
+        .stencil_test_enable(variant.stencil && pipeline.stencil.is_some())
+        .front(pipeline.stencil.map_or_else(Default::default, |test| stencil_state(test.front)))
+        .back(pipeline.stencil.map_or_else(Default::default, |test| stencil_state(test.back)));
     for (n, &format) in variant.colors.iter().enumerate() {
         if pipeline.color_state(n).blend.is_some() && !gpu.0.blends_in(format) {
             return Err(Error::Device(format!(
@@ -363,6 +386,11 @@ fn create(
         (pipeline.depth.bounds, limits.depth_bounds, "depth bounds test (depthBounds)"),
         (has_second, limits.second_sources > 0, "second source (dualSrcBlend)"),
         (pipeline.depth_clamp, limits.clamps_depth, "depth clamp (depthClamp)"),
+        (
+            pipeline.fragment.reflection.writes_stencil,
+            false,
+            "export of stencil values, whose extension is not enabled",
+        ),
         (pipeline.alpha_to_one, limits.alpha_to_one, "alpha to one (alphaToOne)"),
         (pipeline.sample_shading, limits.sample_shading, "shading of samples (sampleRateShading)"),
         (
@@ -391,12 +419,17 @@ fn create(
         vk::DynamicState::DEPTH_BIAS,
         vk::DynamicState::BLEND_CONSTANTS,
         vk::DynamicState::DEPTH_BOUNDS,
+        vk::DynamicState::STENCIL_REFERENCE,
     ]);
     let color_formats: Vec<_> = variant.colors.iter().copied().map(vk_format).collect();
     let mut rendering =
         vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&color_formats);
-    if let Some(depth) = variant.depth {
-        rendering = rendering.depth_attachment_format(vk_format(depth));
+    let format = variant.depth_stencil.map_or(vk::Format::UNDEFINED, vk_format);
+    if variant.depth {
+        rendering = rendering.depth_attachment_format(format);
+    }
+    if variant.stencil {
+        rendering = rendering.stencil_attachment_format(format);
     }
     let info = [vk::GraphicsPipelineCreateInfo::default()
         .stages(&stages)

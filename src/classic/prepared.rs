@@ -1,17 +1,12 @@
 //! A pass that is ready to run: targets, recorded draws, and the copy that reads them back.
 
-use super::{
-    bindings::Bindings,
-    layout::STAGES,
-    pipeline::Compiled,
-    target::{Target, Targets},
-};
+use super::{bindings::Bindings, layout::STAGES, pipeline::Compiled, target::Targets};
 use crate::{
     error::{Error, Result},
     image::{self, Extent},
     pass::{Draw, Frame, IndexFormat, Indirect, Pass},
     state::{DepthBias, Rect, Viewport},
-    vk::{Copies, Gpu, Recorder, Recording, Resources},
+    vk::{Aspect, Copies, Gpu, Recorder, Recording, Resources},
 };
 use ash::vk;
 use std::sync::Arc;
@@ -66,10 +61,17 @@ impl Prepared {
     /// As [`Prepared::execute`], and [`Error::Usage`] if nothing was executed yet.
     pub fn read(&mut self) -> Result<Frame> {
         self.check_executed()?;
-        let colors = self.targets.colors.iter_mut().filter_map(|target| target.read().transpose());
+        let colors = self
+            .targets
+            .colors
+            .iter_mut()
+            .filter_map(|target| target.read(Aspect::Main).transpose());
         let colors = colors.collect::<Result<_>>()?;
-        let depth = self.targets.depth.as_mut().map(Target::read).transpose()?.flatten();
-        Ok(Frame { colors, depth })
+        let mut of = |aspect| match &mut self.targets.depth_stencil {
+            Some(target) => target.read(aspect),
+            None => Ok(None),
+        };
+        Ok(Frame { colors, depth: of(Aspect::Main)?, stencil: of(Aspect::Stencil)? })
     }
 
     /// The first colour target that is stored, as [`Prepared::read`] returns it: half the work, if depth is not needed.
@@ -79,7 +81,8 @@ impl Prepared {
     pub fn read_color(&mut self) -> Result<image::Picture> {
         self.check_executed()?;
         let mut colors = self.targets.colors.iter_mut();
-        let color = colors.find(|target| target.is_stored()).map(Target::read).transpose()?;
+        let color = colors.find(|target| target.is_stored());
+        let color = color.map(|target| target.read(Aspect::Main)).transpose()?;
         color.flatten().ok_or_else(|| Error::Usage("the pass stores no colour target".into()))
     }
 
@@ -123,8 +126,10 @@ fn record_draws(
     for target in targets.iter() {
         target.begin(recorder)?;
     }
-    let color: Vec<_> = targets.colors.iter().map(Target::attachment).collect();
-    let depth = targets.depth.as_ref().map(Target::attachment);
+    let color: Vec<_> =
+        targets.colors.iter().filter_map(|target| target.attachment(Aspect::Main)).collect();
+    let of = |aspect| targets.depth_stencil.as_ref().and_then(|target| target.attachment(aspect));
+    let (depth, stencil) = (of(Aspect::Main), of(Aspect::Stencil));
     let Extent { width, height } = targets.extent;
     let mut rendering = vk::RenderingInfo::default()
         .render_area(vk::Rect2D { extent: vk::Extent2D { width, height }, ..Default::default() })
@@ -132,6 +137,9 @@ fn record_draws(
         .color_attachments(&color);
     if let Some(depth) = &depth {
         rendering = rendering.depth_attachment(depth);
+    }
+    if let Some(stencil) = &stencil {
+        rendering = rendering.stencil_attachment(stencil);
     }
     let cmd = recorder.commands.raw;
     // SAFETY: the attachments are in the layouts that `rendering` names.
@@ -230,6 +238,9 @@ fn record_draw(
         device.cmd_set_blend_constants(cmd, &draw.blend_constants);
         let [least, greatest] = draw.depth_bounds;
         device.cmd_set_depth_bounds(cmd, least, greatest);
+        let [front, back] = draw.stencil_reference.map(u32::from);
+        device.cmd_set_stencil_reference(cmd, vk::StencilFaceFlags::FRONT, front);
+        device.cmd_set_stencil_reference(cmd, vk::StencilFaceFlags::BACK, back);
         device.cmd_set_depth_bias_enable(cmd, draw.depth_bias.is_some());
         if let Some(DepthBias { constant, slope, clamp }) = draw.depth_bias {
             device.cmd_set_depth_bias(cmd, constant, clamp, slope);

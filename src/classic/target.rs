@@ -3,13 +3,13 @@
 use crate::{
     error::{Error, Result},
     format::Format,
-    image::{self, Extent, texel::without_rest},
+    image::{self, texel::without_rest},
     pass::Pass,
     samples::Samples,
     state::ResolveMode,
-    target::{LoadOp, StoreOp},
+    target::{DepthTarget, LoadOp, StencilTarget, StoreOp},
     vk::{
-        Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Subresource,
+        Aspect, Buffer, Gpu, Image, ImageInfo, ImageUse, Memory, Recorder, Recording, Subresource,
         clear_color,
     },
 };
@@ -17,9 +17,10 @@ use ash::vk;
 
 /// The targets of a pass.
 pub(super) struct Targets {
-    pub extent: Extent,
+    pub extent: image::Extent,
     pub colors: Vec<Target>,
-    pub depth: Option<Target>,
+    /// Depths, stencil values or both.
+    pub depth_stencil: Option<Target>,
 }
 
 /// One target.
@@ -29,24 +30,25 @@ pub(super) struct Target {
     at: Subresource,
     /// The image has it.
     view: vk::ImageView,
+    /// What is drawn to, if pixels have several samples: an image and its view.
+    samples: Option<(Image, vk::ImageView)>,
+    /// One, or depths and stencil values.
+    parts: Vec<Part>,
+}
+
+/// What is done with an aspect of a target.
+struct Part {
+    aspect: Aspect,
     begin: Begin,
     store: StoreOp,
-    /// What is drawn to, if pixels have several samples.
-    samples: Option<SampledImage>,
+    /// How several samples become a texel.
+    resolve: vk::ResolveModeFlags,
     /// `Some` for an image that was made for the pass: what fills the buffer, which the host reads. It is not part of
     /// the draws, so that their time does not include it.
     copy: Option<(Recording, Buffer<u8>)>,
 }
 
-/// An image of several samples, and how the target is made of it.
-struct SampledImage {
-    image: Image,
-    /// The image has it.
-    view: vk::ImageView,
-    resolve: vk::ResolveModeFlags,
-}
-
-/// What a target begins with.
+/// What a part begins with.
 enum Begin {
     Value(vk::ClearValue),
     Image,
@@ -61,27 +63,89 @@ impl Targets {
             let begin = Begin::new(gpu, &color.load, value)?;
             let info = info("colour target", pass, color.format);
             let place = color.image.as_ref().map(|image| (image, color.subresource()));
-            Target::new(gpu, &info, place, begin, (color.store, color.resolve()))
-        });
-        let depth = pass.depth.as_ref().map(|depth| {
-            let value = |depth| vk::ClearValue {
-                depth_stencil: vk::ClearDepthStencilValue { depth, stencil: 0 },
-            };
-            let begin = Begin::new(gpu, &depth.load, value)?;
-            let info = info("depth target", pass, depth.format);
-            let place = depth.image.as_ref().map(|image| (image, depth.subresource()));
-            Target::new(gpu, &info, place, begin, (depth.store, depth.resolve))
+            let part = Part::new(Aspect::Main, begin, color.store, color.resolve());
+            Target::new(gpu, &info, place, vec![part])
         });
         Ok(Self {
             extent: pass.extent,
             colors: colors.collect::<Result<_>>()?,
-            depth: depth.transpose()?,
+            depth_stencil: depth_stencil(gpu, pass)?,
         })
     }
 
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &Target> {
-        self.colors.iter().chain(&self.depth)
+        self.colors.iter().chain(&self.depth_stencil)
+    }
+}
+
+/// The target of depths and stencil values of `pass`, if it has any.
+fn depth_stencil(gpu: &Gpu, pass: &Pass) -> Result<Option<Target>> {
+    let Some(format) = depth_stencil_format(gpu, pass)? else { return Ok(None) };
+    let mut parts = Vec::new();
+    if let Some(DepthTarget { load, store, resolve, .. }) = &pass.depth {
+        let begin = Begin::new(gpu, load, |depth| cleared(depth, 0))?;
+        parts.push(Part::new(Aspect::Main, begin, *store, *resolve));
+    }
+    if let Some(StencilTarget { load, store, resolve, .. }) = &pass.stencil {
+        let begin = Begin::new(gpu, load, |value| cleared(0.0, value))?;
+        parts.push(Part::new(Aspect::Stencil, begin, *store, *resolve));
+    }
+    let depth = pass.depth.iter().map(|depth| (&depth.image, depth.level, depth.layer));
+    let stencil = pass.stencil.iter().map(|of| (&of.image, of.level, of.layer));
+    let mut places = depth.chain(stencil).filter_map(|(image, level, layer)| {
+        Some((image.as_ref()?, Subresource { level, layer, ..Subresource::default() }))
+    });
+    let name = if pass.depth.is_some() { "depth target" } else { "stencil target" };
+    Target::new(gpu, &info(name, pass, format), places.next(), parts).map(Some)
+}
+
+fn cleared(depth: f32, stencil: u8) -> vk::ClearValue {
+    let stencil = stencil.into();
+    vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth, stencil } }
+}
+
+/// The format of the image that has the depths and the stencil values of `pass`, if it has any.
+///
+/// # Errors
+/// [`Error::Device`] if they cannot be in one image of the device.
+pub(super) fn depth_stencil_format(gpu: &Gpu, pass: &Pass) -> Result<Option<Format>> {
+    let lacks = |what: String| {
+        let name = &gpu.info().name;
+        Err(Error::Device(format!(
+            "pass `{}`: {name} itself {what}; the compute executor does",
+            pass.label
+        )))
+    };
+    let draws = |format: &Format| gpu.0.draws_to(*format);
+    match (&pass.depth, &pass.stencil) {
+        (None, None) => Ok(None),
+        (Some(depth), None) => Ok(Some(match &depth.image {
+            Some(image) => image.format(),
+            None => depth.format,
+        })),
+        (None, Some(StencilTarget { image: Some(image), .. })) => Ok(Some(image.format())),
+        (None, Some(_)) => {
+            let all = [Format::S8Uint, Format::D24UnormS8Uint, Format::D32FloatS8Uint];
+            match all.into_iter().find(draws) {
+                Some(format) => Ok(Some(format)),
+                None => lacks("draws to no image of stencil values".into()),
+            }
+        }
+        (Some(depth), Some(stencil)) => match (&depth.image, &stencil.image) {
+            (None, None) => match depth.format.with_stencil().filter(draws) {
+                Some(format) => Ok(Some(format)),
+                None => {
+                    lacks(format!("draws to no image of {:?} and stencil values", depth.format))
+                }
+            },
+            (Some(a), Some(b))
+                if a.is(b) && (depth.level, depth.layer) == (stencil.level, stencil.layer) =>
+            {
+                Ok(Some(a.format()))
+            }
+            _ => lacks("does not draw depths to one image and stencil values to another".into()),
+        },
     }
 }
 
@@ -106,13 +170,23 @@ impl Begin {
     }
 }
 
-impl SampledImage {
-    fn new(
-        gpu: &Gpu,
-        info: &ImageInfo<'_>,
-        begin: &Begin,
-        (store, resolve): (StoreOp, ResolveMode),
-    ) -> Result<Self> {
+impl Part {
+    fn new(aspect: Aspect, begin: Begin, store: StoreOp, resolve: ResolveMode) -> Self {
+        let resolve = match resolve {
+            ResolveMode::Average => vk::ResolveModeFlags::AVERAGE,
+            ResolveMode::SampleZero => vk::ResolveModeFlags::SAMPLE_ZERO,
+            ResolveMode::Min => vk::ResolveModeFlags::MIN,
+            ResolveMode::Max => vk::ResolveModeFlags::MAX,
+        };
+        Self { aspect, begin, store, resolve, copy: None }
+    }
+
+    fn is_cleared(&self) -> bool {
+        matches!(self.begin, Begin::Value(_))
+    }
+
+    /// Refuses what the device itself does not do with several samples.
+    fn check_samples(&self, gpu: &Gpu, info: &ImageInfo<'_>) -> Result<()> {
         let lacks = |what: &str| {
             Err(Error::Device(format!(
                 "{}: {} itself {what}; the compute executor does",
@@ -120,22 +194,19 @@ impl SampledImage {
                 gpu.info().name
             )))
         };
-        if !matches!(begin, Begin::Value(_)) {
+        if !self.is_cleared() {
             return lacks("loads no target of several samples: it can only clear one");
         }
-        let resolve = match resolve {
-            ResolveMode::Average => vk::ResolveModeFlags::AVERAGE,
-            ResolveMode::SampleZero => vk::ResolveModeFlags::SAMPLE_ZERO,
-            ResolveMode::Min => vk::ResolveModeFlags::MIN,
-            ResolveMode::Max => vk::ResolveModeFlags::MAX,
+        let limits = &gpu.0.draw_limits;
+        let offered = match self.aspect {
+            Aspect::Stencil => limits.stencil_resolves,
+            Aspect::Main if info.format.is_depth() => limits.depth_resolves,
+            Aspect::Main => return Ok(()),
         };
-        let offered = gpu.0.draw_limits.depth_resolves;
-        if info.format.is_depth() && store == StoreOp::Store && !offered.contains(resolve) {
-            return lacks(&format!("resolves no depths by {resolve:?}"));
+        if self.store == StoreOp::Store && !offered.contains(self.resolve) {
+            return lacks(&format!("does not resolve it by {:?}", self.resolve));
         }
-        let image = Image::drawn(gpu, info)?;
-        let view = image.0.target_view(Subresource::default())?;
-        Ok(Self { image, view, resolve })
+        Ok(())
     }
 }
 
@@ -144,53 +215,55 @@ impl Target {
         gpu: &Gpu,
         info: &ImageInfo<'_>,
         place: Option<(&Image, Subresource)>,
-        begin: Begin,
-        (store, resolve): (StoreOp, ResolveMode),
+        mut parts: Vec<Part>,
     ) -> Result<Self> {
         let samples = match info.samples {
             Samples::One => None,
-            _ => Some(SampledImage::new(gpu, info, &begin, (store, resolve))?),
+            _ => {
+                parts.iter().try_for_each(|part| part.check_samples(gpu, info))?;
+                let image = Image::drawn(gpu, info)?;
+                let view = image.0.target_view(Subresource::default())?;
+                Some((image, view))
+            }
         };
         let info = &ImageInfo { samples: Samples::One, ..*info };
         if let Some((image, at)) = place {
             image.check_device(gpu)?;
+            let at = Subresource { aspect: Aspect::Main, ..at };
             let view = image.0.target_view(at)?;
-            let image = image.clone();
-            return Ok(Self { image, at, view, begin, store, samples, copy: None });
+            return Ok(Self { image: image.clone(), at, view, samples, parts });
         }
         let image = Image::new(gpu, info)?;
         let at = Subresource::default();
         let view = image.0.target_view(at)?;
-        let copy = match store {
-            StoreOp::Store => {
-                let mut recorder = Recorder::new(gpu, &format!("copy of the {}", info.name))?;
-                let bytes = info.extent.pixels() * info.format.texel_bytes();
-                let host = Buffer::new(gpu, info.name, bytes, Memory::Readback)?;
-                recorder.copy_from_image(&image, at, 0..info.extent.height, &host)?;
-                Some((recorder.finish()?, host))
-            }
-            StoreOp::Discard => None,
-        };
-        Ok(Self { image, at, view, begin, store, samples, copy })
+        for part in parts.iter_mut().filter(|part| part.store == StoreOp::Store) {
+            let mut recorder = Recorder::new(gpu, &format!("copy of the {}", info.name))?;
+            let at = Subresource { aspect: part.aspect, ..at };
+            let bytes = info.extent.pixels() * at.format(info.format).texel_bytes();
+            let host = Buffer::new(gpu, info.name, bytes, Memory::Readback)?;
+            recorder.copy_from_image(&image, at, 0..info.extent.height, &host)?;
+            part.copy = Some((recorder.finish()?, host));
+        }
+        Ok(Self { image, at, view, samples, parts })
     }
 
     /// Records what comes before the draws.
     pub fn begin(&self, recorder: &mut Recorder) -> Result<()> {
-        let from = match &self.begin {
-            // The other levels and layers keep what they hold.
-            Begin::Value(_) if self.is_part() => self.image.0.shader_layout(),
-            Begin::Value(_) => vk::ImageLayout::UNDEFINED,
-            Begin::Image => self.image.0.shader_layout(),
-            Begin::Picture(picture) => {
+        for part in &self.parts {
+            if let Begin::Picture(picture) = &part.begin {
                 let rows = 0..self.image.extent().level(self.at.level).height;
-                recorder.copy_to_image(picture, &self.image, self.at, rows)?;
-                self.image.0.shader_layout()
+                let at = Subresource { aspect: part.aspect, ..self.at };
+                recorder.copy_to_image(picture, &self.image, at, rows)?;
             }
+        }
+        // What is not drawn to keeps what it holds.
+        let from = match self.is_whole() && self.parts.iter().all(Part::is_cleared) {
+            true => vk::ImageLayout::UNDEFINED,
+            false => self.image.0.shader_layout(),
         };
         recorder.transition(&self.image, from, self.layout());
-        if let Some(samples) = &self.samples {
-            let nothing = vk::ImageLayout::UNDEFINED;
-            recorder.transition(&samples.image, nothing, self.layout());
+        if let Some((samples, _)) = &self.samples {
+            recorder.transition(samples, vk::ImageLayout::UNDEFINED, self.layout());
         }
         Ok(())
     }
@@ -200,62 +273,75 @@ impl Target {
         recorder.transition(&self.image, self.layout(), self.image.0.shader_layout());
     }
 
-    /// How the draws take it.
-    pub fn attachment(&self) -> vk::RenderingAttachmentInfo<'static> {
+    /// How the draws take the target, or an aspect of it.
+    pub fn attachment(&self, aspect: Aspect) -> Option<vk::RenderingAttachmentInfo<'static>> {
+        let part = self.part(aspect)?;
         let info = vk::RenderingAttachmentInfo::default().image_layout(self.layout());
-        let info = match (&self.samples, self.store) {
+        let info = match (&self.samples, part.store) {
             (None, StoreOp::Store) => {
                 info.image_view(self.view).store_op(vk::AttachmentStoreOp::STORE)
             }
             (None, StoreOp::Discard) => {
                 info.image_view(self.view).store_op(vk::AttachmentStoreOp::DONT_CARE)
             }
-            (Some(samples), StoreOp::Store) => info
-                .image_view(samples.view)
+            (Some((_, samples)), StoreOp::Store) => info
+                .image_view(*samples)
                 .store_op(vk::AttachmentStoreOp::DONT_CARE)
-                .resolve_mode(samples.resolve)
+                .resolve_mode(part.resolve)
                 .resolve_image_view(self.view)
                 .resolve_image_layout(self.layout()),
-            (Some(samples), StoreOp::Discard) => {
-                info.image_view(samples.view).store_op(vk::AttachmentStoreOp::DONT_CARE)
+            (Some((_, samples)), StoreOp::Discard) => {
+                info.image_view(*samples).store_op(vk::AttachmentStoreOp::DONT_CARE)
             }
         };
-        match &self.begin {
+        Some(match &part.begin {
             Begin::Value(value) => info.load_op(vk::AttachmentLoadOp::CLEAR).clear_value(*value),
             Begin::Image | Begin::Picture(_) => info.load_op(vk::AttachmentLoadOp::LOAD),
-        }
+        })
     }
 
-    /// The target as it is now, if it is stored.
-    pub fn read(&mut self) -> Result<Option<image::Picture>> {
-        match (&mut self.copy, self.store) {
+    /// An aspect of the target as it is now, if it is there and stored.
+    pub fn read(&mut self, aspect: Aspect) -> Result<Option<image::Picture>> {
+        let at = Subresource { aspect, ..self.at };
+        let Some(part) = self.parts.iter_mut().find(|part| part.aspect == aspect) else {
+            return Ok(None);
+        };
+        match (&mut part.copy, part.store) {
             (_, StoreOp::Discard) => Ok(None),
-            (None, StoreOp::Store) => {
-                self.image.download_layer(self.at.level, self.at.layer).map(Some)
-            }
+            (None, StoreOp::Store) => self.image.download_subresource(at).map(Some),
             (Some((copy, host)), StoreOp::Store) => {
                 copy.run()?;
-                let (extent, format) = (self.image.extent(), self.image.format());
+                let (extent, format) = (self.image.extent(), at.format(self.image.format()));
                 let bytes = without_rest(format, host.read()?);
                 Ok(Some(image::Picture { extent, format, bytes }))
             }
         }
     }
 
-    /// Whether anything is kept.
+    /// Whether anything of it is kept.
     pub fn is_stored(&self) -> bool {
-        self.store == StoreOp::Store
+        self.parts.iter().any(|part| part.store == StoreOp::Store)
     }
 
-    /// Whether the image has more than what is drawn to.
-    fn is_part(&self) -> bool {
-        self.image.levels() > 1 || self.image.shape().pictures(0) > 1
+    fn part(&self, aspect: Aspect) -> Option<&Part> {
+        self.parts.iter().find(|part| part.aspect == aspect)
+    }
+
+    /// Whether the image has nothing but what is drawn to.
+    fn is_whole(&self) -> bool {
+        let format = self.image.format();
+        let aspects = if format.is_depth() && format.is_stencil() { 2 } else { 1 };
+        let single = self.image.levels() == 1 && self.image.shape().pictures(0) == 1;
+        single && self.parts.len() == aspects
     }
 
     fn layout(&self) -> vk::ImageLayout {
-        match self.image.format().is_depth() {
-            true => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
-            false => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+        let format = self.image.format();
+        match (format.is_depth(), format.is_stencil()) {
+            (false, false) => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+            (true, false) => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
+            (false, true) => vk::ImageLayout::STENCIL_ATTACHMENT_OPTIMAL,
+            (true, true) => vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
         }
     }
 }

@@ -164,6 +164,7 @@ mod tests {
                 format: Format::D32Float,
                 bytes: bytemuck::cast_slice(&depth).to_vec(),
             }),
+            stencil: None,
         }
     }
 
@@ -223,8 +224,11 @@ mod tests {
         let ids = id_frame([0; 4], None);
         let with_depth = id_frame([0; 4], Some([0.0; 4]));
         let color = frame([[0; 4]; 4], None);
-        let zeroed =
-            |extent, format| Frame { colors: vec![Picture::zeroed(extent, format)], depth: None };
+        let zeroed = |extent, format| Frame {
+            colors: vec![Picture::zeroed(extent, format)],
+            depth: None,
+            stencil: None,
+        };
         let srgb = zeroed(EXTENT, Format::Rgba8Srgb);
         let small = zeroed(Extent::new(1, 1), Format::Rgba8Unorm);
         assert!(of((&color, &ids), (&srgb, &ids)).is_err());

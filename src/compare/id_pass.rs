@@ -21,7 +21,7 @@ use crate::{
     prebuilt,
     samples::Samples,
     shader::{Shader, Stage},
-    target::{ColorTarget, DepthTarget, StoreOp},
+    target::{ColorTarget, DepthTarget, StencilTarget, StoreOp},
 };
 use rspirv::spirv::{Decoration, Op};
 use std::{collections::HashMap, sync::Arc};
@@ -64,7 +64,7 @@ impl IdPass {
 /// Makes the id pass of `pass`.
 ///
 /// # Errors
-/// As [`Pass::snapshot`], if depth is loaded from an image. [`Error::Usage`] for a draw of a pipeline that does not exist or of instances that have no number;
+/// As [`Pass::snapshot`], if depth or stencil values are loaded from an image. [`Error::Usage`] for a draw of a pipeline that does not exist or of instances that have no number;
 /// [`Error::Capacity`] if the pass has more primitives than there are ids; [`Error::Full`] if it has
 /// more instances than draws are made for.
 pub fn id_pass(pass: &Pass) -> Result<IdPass> {
@@ -86,11 +86,13 @@ pub fn id_pass(pass: &Pass) -> Result<IdPass> {
     if let Some(depth) = &mut depth {
         depth.store = StoreOp::Store;
     }
+    let stencil = pass.stencil.as_ref().map(StencilTarget::snapshot).transpose()?;
     let pass = Pass {
         label: format!("{} (ids)", pass.label),
         extent: pass.extent,
         colors: vec![ColorTarget::cleared(Format::Rgba8Unorm, [0.0; 4])],
         depth,
+        stencil,
         samples: Samples::One,
         pipelines,
         draws,
@@ -237,6 +239,7 @@ mod tests {
             extent: Extent::new(8, 8),
             colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [1.0; 4])],
             depth: None,
+            stencil: None,
             samples: Samples::One,
             pipelines: pipelines.into_iter().map(Arc::new).collect(),
             draws,

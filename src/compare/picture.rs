@@ -77,7 +77,7 @@ mod tests {
         let image = |bytes| Picture { extent, format: Format::Rgba8Unorm, bytes };
         let color = image(vec![colour; 100]);
         let ids = image(ids.iter().flat_map(|id| id.to_le_bytes()).collect());
-        [color, ids].map(|image| Frame { colors: vec![image], depth: None }).into()
+        [color, ids].map(|image| Frame { colors: vec![image], depth: None, stencil: None }).into()
     }
 
     fn picture(a: &(Frame, Frame), b: &(Frame, Frame)) -> Picture {

@@ -15,13 +15,13 @@ use super::{
 use crate::{
     abi,
     error::{Error, Result},
-    format::Format,
+    format::{Format, Numeric},
     grid::Grid,
     image::texel,
     pass::Pass,
     samples::Samples,
     state::ResolveMode,
-    target::{ClearColor, ColorTarget, DepthTarget, LoadOp, StoreOp},
+    target::{ClearColor, ColorTarget, DepthTarget, LoadOp, StencilTarget, StoreOp},
     vk::{Arena, Buffer, Gpu, Image, Kernel, Recorder, Subresource},
 };
 use std::ops::Range;
@@ -31,6 +31,7 @@ pub struct Attachments {
     /// By number. A list of fixed length takes no memory of its own.
     colors: [Option<Attachment<ClearColor>>; MAX_COLORS],
     pub depth: Option<Attachment<f32>>,
+    pub stencil: Option<Attachment<u8>>,
     /// Samples of a pixel.
     pub samples: Samples,
     /// Bounds that hold for any depth, one for each bin of a band, if depth is loaded.
@@ -94,6 +95,17 @@ impl<'a> Use<'a> {
         }
     }
 
+    fn of_stencil(stencil: &'a StencilTarget, samples: Samples) -> Self {
+        Self {
+            format: Format::S8Uint,
+            image: (&stencil.image, stencil.subresource()),
+            is_loaded: stencil.load.clear_value().is_none(),
+            store: stencil.store,
+            samples,
+            resolve: stencil.resolve,
+        }
+    }
+
     /// Whether its texels are others in its image than in the rows.
     fn is_narrow(&self) -> bool {
         self.image.0.is_some() && narrow::is_narrow(self.format)
@@ -115,9 +127,13 @@ impl<'a> Use<'a> {
 
 /// The kernel that resolves several samples of a target of `format`, unless the target asks for another way.
 pub fn resolve(format: Format, samples: Samples) -> Option<KernelRequest> {
-    match format.is_depth() {
-        true => Use::of_depth(&DepthTarget::cleared(1.0).format(format), samples).resolve(),
-        false => Use::of_color(&ColorTarget::cleared(format, [0.0; 4]), samples).resolve(),
+    match format.numeric() {
+        Numeric::Depth => {
+            let depth = DepthTarget::cleared(1.0).format(format);
+            Use::of_depth(&depth, samples).resolve()
+        }
+        Numeric::Stencil => Use::of_stencil(&StencilTarget::cleared(0), samples).resolve(),
+        _ => Use::of_color(&ColorTarget::cleared(format, [0.0; 4]), samples).resolve(),
     }
 }
 
@@ -125,7 +141,8 @@ pub fn resolve(format: Format, samples: Samples) -> Option<KernelRequest> {
 pub fn wanted(pass: &Pass) -> impl Iterator<Item = KernelRequest> {
     let colors = pass.colors.iter().map(|color| Use::of_color(color, pass.samples));
     let depth = pass.depth.iter().map(|depth| Use::of_depth(depth, pass.samples));
-    colors.chain(depth).flat_map(|one| [one.narrow(), one.resolve()]).flatten()
+    let stencil = pass.stencil.iter().map(|stencil| Use::of_stencil(stencil, pass.samples));
+    colors.chain(depth).chain(stencil).flat_map(|one| [one.narrow(), one.resolve()]).flatten()
 }
 
 impl Attachments {
@@ -150,9 +167,15 @@ impl Attachments {
             Attachment::new(gpu, kernels, &Use::of_depth(depth, pass.samples), &load)
         });
         let depth = depth.transpose()?;
+        let stencil = pass.stencil.as_ref().map(|stencil| {
+            let of = Use::of_stencil(stencil, pass.samples);
+            Attachment::new(gpu, kernels, &of, &stencil.load)
+        });
+        let stencil = stencil.transpose()?;
         let loaded = depth.as_ref().filter(|depth| depth.is_loaded());
         let any_bounds = loaded.map(|_| arena.push(&vec![[0.0, 1.0]; band.bins() as usize]));
-        Ok(Self { colors, depth, samples: pass.samples, any_bounds: any_bounds.transpose()? })
+        let (samples, any_bounds) = (pass.samples, any_bounds.transpose()?);
+        Ok(Self { colors, depth, stencil, samples, any_bounds })
     }
 
     /// The colour targets, in their order.
@@ -185,7 +208,8 @@ impl Attachments {
         };
         let colors = self.colors().filter_map(|color| bytes(&color.narrow, color.format));
         let depth = self.depth.iter().filter_map(|depth| bytes(&depth.narrow, depth.format));
-        colors.chain(depth).max()
+        let stencil = self.stencil.iter().filter_map(|of| bytes(&of.narrow, of.format));
+        colors.chain(depth).chain(stencil).max()
     }
 
     /// Records what the rows of `target` begin with, which are those of `band`. `clear` is that kernel.
@@ -213,7 +237,17 @@ impl Attachments {
         if let Some(depth) = loaded.filter(|depth| depth.goes_alone()) {
             depth.load(recorder, band, &target.depth_plane()?)?;
         }
+        if let Some(stencil) = self.stencil.as_ref().filter(|stencil| stencil.goes_alone()) {
+            stencil.load(recorder, band, &target.stencil_plane())?;
+        }
         recorder.group(|recorder| {
+            match self.stencil.as_ref().map(|stencil| (stencil, &stencil.begin)) {
+                Some((_, Begin::Value(value))) => clear::stencil(recorder, target, *value)?,
+                Some((stencil, _)) if !stencil.goes_alone() => {
+                    stencil.load(recorder, band, &target.stencil_plane())?;
+                }
+                _ => {}
+            }
             let first = self.planes(band).next();
             if let Some((color, rows)) = first.filter(|(color, _)| !color.goes_alone()) {
                 begin(recorder, color, rows)?;
@@ -242,8 +276,11 @@ impl Attachments {
         for (color, rows) in self.planes(band) {
             color.end(recorder, band, &target.color_plane(rows))?;
         }
-        match &self.depth {
-            Some(depth) => depth.end(recorder, band, &target.depth_plane()?),
+        if let Some(depth) = &self.depth {
+            depth.end(recorder, band, &target.depth_plane()?)?;
+        }
+        match &self.stencil {
+            Some(stencil) => stencil.end(recorder, band, &target.stencil_plane()),
             None => Ok(()),
         }
     }

@@ -1,6 +1,6 @@
 //! Records the clear of a band's rows.
 //!
-//! Reads: nothing. Writes: colour, depth. Contract and kernel: `glsl/clear.comp`, which is needed only
+//! Reads: nothing. Writes: colour, depth, stencil values. Contract and kernel: `glsl/clear.comp`, which is needed only
 //! where a colour is no repetition of one word; the device fills the rest by itself.
 
 use super::target::{Plane, Target};
@@ -41,6 +41,11 @@ pub fn color(
         .bind("Color", &samples.cast::<[u32; 4]>()?)
         .push(&Clear { texels, count, first })
         .dispatch(grid::groups(count, lanes))
+}
+
+/// Clears stencil values to `value`.
+pub fn stencil(recorder: &mut Recorder, target: &Target, value: u8) -> Result<()> {
+    recorder.fill(&target.stencil, value.into())
 }
 
 /// Clears depth to `depth`, and the bounds of the bins with it.

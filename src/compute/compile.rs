@@ -7,8 +7,9 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
+    format::Format,
     pass::{Pass, Pipeline, check_color_targets, check_outputs, check_samples},
-    plan::PipelineKernels,
+    plan::{PipelineKernels, TargetKinds},
     target::TargetFormats,
     vk::{Kernel, generate_code},
 };
@@ -54,9 +55,9 @@ impl Compilation {
 
 impl Renderer {
     /// Compiles `pipeline` for passes with such targets, so that the first of them finds it compiled. There is
-    /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, or with several samples,
-    /// the pipeline is another one, as with targets of other formats. Depth is taken to keep sample 0 of several
-    /// ([`crate::DepthTarget::resolve`]). [`Renderer::compile_pass`] takes the formats from a pass,
+    /// no need to: a pass compiles what it needs. For a pass without colour targets or without depth, with a stencil target
+    /// or with several samples, the pipeline is another one, as with targets of other formats. Depth and stencil values are taken to keep sample 0
+    /// of several ([`crate::DepthTarget::resolve`]). [`Renderer::compile_pass`] takes the formats from a pass,
     /// and finds out whether depths are adjusted in it, by a bias or by a clamp, which takes other kernels.
     ///
     /// Drivers for CPUs generate code when a kernel is dispatched for the first time, which takes longest of all. So on them
@@ -138,7 +139,7 @@ fn wanted(
     (pipeline, adjusted): (&Pipeline, bool),
     targets: &TargetFormats,
 ) -> Result<Vec<KernelRequest>> {
-    let TargetFormats { colors, depth, samples } = targets;
+    let TargetFormats { colors, depth, stencil, samples } = targets;
     pipeline.validate()?;
     check_color_targets(colors.len())
         .and_then(|()| check_samples(pipeline, *samples))
@@ -148,12 +149,18 @@ fn wanted(
         return Err(Error::Usage(format!("{format:?} is no format of a depth target")));
     }
     let formats = kernels::color_formats(colors.iter().copied())?;
-    let PipelineKernels { vertex, fragment, method } =
-        PipelineKernels::of(pipeline, (colors.len(), depth.is_some(), *samples));
+    let kinds = TargetKinds {
+        colors: colors.len(),
+        depth: depth.is_some(),
+        stencil: *stencil,
+        samples: *samples,
+    };
+    let PipelineKernels { vertex, fragment, method } = PipelineKernels::of(pipeline, kinds);
     let kind = Fragments::new(adjusted, *depth, *samples);
     let mut wanted = vec![KernelRequest::Vertex(vertex)];
     wanted.extend(kernels::of_method((method, kind), fragment, formats));
-    let formats = colors.iter().chain(depth);
+    let stencil = stencil.then_some(&Format::S8Uint);
+    let formats = colors.iter().chain(depth).chain(stencil);
     wanted.extend(formats.filter_map(|format| attach::resolve(*format, *samples)));
     Ok(wanted)
 }

@@ -154,10 +154,11 @@ impl<'r> Encoder<'r> {
         }
         let colors = pass.colors.iter().map(|color| ("colour", &color.image, color.store));
         let depth = pass.depth.iter().map(|depth| ("depth", &depth.image, depth.store));
+        let stencil = pass.stencil.iter().map(|stencil| ("stencil", &stencil.image, stencil.store));
         let homeless = |(_, image, store): &(&str, &Option<Image>, StoreOp)| {
             image.is_none() && *store == StoreOp::Store
         };
-        if let Some((kind, ..)) = colors.chain(depth).find(homeless) {
+        if let Some((kind, ..)) = colors.chain(depth).chain(stencil).find(homeless) {
             return Err(Error::Usage(format!(
                 "pass `{}`: a frame stores targets in images, and the {kind} target has none: give it an image of the \
                  device, or do not keep it (`StoreOp::Discard`)",

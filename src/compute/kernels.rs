@@ -8,7 +8,7 @@ use crate::{
     error::{Error, Result},
     format::Format,
     kept::Kept,
-    plan::{BatchPlan, KernelKey, Method, Plan},
+    plan::{BatchPlan, KernelKey, Method, Plan, Stencil},
     samples::Samples,
     target::check_color_format,
     vk::{Kernel, generate_code},
@@ -248,12 +248,12 @@ pub fn of_method(
     formats: ColorFormats,
 ) -> impl Iterator<Item = KernelRequest> {
     let (raster, fragment) = match method {
-        Method::Opaque { compare, shades } => (
-            Some(KernelRequest::Raster(compare, kind)),
+        Method::Opaque { compare, shades, stencil } => (
+            Some(KernelRequest::Raster(compare, stencil != Stencil::Off, kind)),
             shades.then_some(KernelRequest::Shade(fragment, formats, kind)),
         ),
-        Method::Ordered { depth, .. } => {
-            (None, Some(KernelRequest::Ordered(fragment, formats, kind, depth)))
+        Method::Ordered { depth, stencil, .. } => {
+            (None, Some(KernelRequest::Ordered(fragment, formats, kind, (depth, stencil))))
         }
     };
     raster.into_iter().chain(fragment)

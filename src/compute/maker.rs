@@ -22,8 +22,8 @@ use std::{
 /// A kernel that is made when the first pass needs it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum KernelRequest {
-    /// Raster with a depth comparison.
-    Raster(Compare, Fragments),
+    /// Raster with a depth comparison, and with a stencil test or not.
+    Raster(Compare, bool, Fragments),
     /// Between the samples of a target of this format and one texel for each pixel.
     Resolve(Format, Samples, ResolveMode),
     /// Between the rows of a target and texels that are others in its image.
@@ -32,8 +32,8 @@ pub enum KernelRequest {
     Vertex(Arc<KernelKey>),
     /// Shading of opaque work into colour targets of these formats.
     Shade(Arc<KernelKey>, ColorFormats, Fragments),
-    /// Ordered work into colour targets of these formats, with a depth mode.
-    Ordered(Arc<KernelKey>, ColorFormats, Fragments, u32),
+    /// Ordered work into colour targets of these formats, with a depth mode, and with a stencil test or not.
+    Ordered(Arc<KernelKey>, ColorFormats, Fragments, (u32, bool)),
 }
 
 /// What kernels are specialized for that make fragments.
@@ -126,7 +126,7 @@ impl Maker {
     pub fn make(&self, wanted: &KernelRequest) -> Result<Kernel> {
         let width = self.width;
         let (stage, words, key, constants) = match wanted {
-            KernelRequest::Raster(compare, fragments) => {
+            KernelRequest::Raster(compare, stencil, fragments) => {
                 // Shared memory has no advantage on a CPU, and the driver does not access it by
                 // address. On other devices it has room for a few samples of each pixel.
                 let in_place = self.gpu.reads_by_address() || fragments.samples > MOST_HELD_SAMPLES;
@@ -134,6 +134,7 @@ impl Maker {
                 let mut constants = vec![
                     ("SUBGROUP_WIDTH", width),
                     ("COMPARE", *compare as u32),
+                    ("STENCIL", (*stencil).into()),
                     ("HELD", if in_place { 1 } else { held }),
                 ];
                 constants.extend(fragments.constants());
@@ -147,7 +148,7 @@ impl Maker {
                     ("MODE", *mode as u32),
                     ("SAMPLES", samples.count()),
                 ];
-                let any_format = !format.is_depth() && !COMMON.contains(format);
+                let any_format = format.is_color() && !COMMON.contains(format);
                 let variant = Variant { any_format, ..Variant::PLAIN };
                 let words = self.sources.variant("resolve.comp", variant);
                 let info = KernelInfo::new("resolve", words);
@@ -172,9 +173,13 @@ impl Maker {
                 let constants = self.shading(key, *formats, fragments);
                 ("shade", self.sources.variant("shade.comp", targets(*formats)), key, constants)
             }
-            KernelRequest::Ordered(key, formats, fragments, depth) => {
+            KernelRequest::Ordered(key, formats, fragments, (depth, stencil)) => {
                 let mut constants = self.shading(key, *formats, fragments);
-                constants.extend([("DEPTH", *depth), ("BY_ALPHA", key.by_alpha.into())]);
+                constants.extend([
+                    ("DEPTH", *depth),
+                    ("STENCIL", (*stencil).into()),
+                    ("BY_ALPHA", key.by_alpha.into()),
+                ]);
                 ("ordered", self.sources.variant("ordered.comp", targets(*formats)), key, constants)
             }
         };

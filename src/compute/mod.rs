@@ -16,8 +16,9 @@
 //!
 //! A draw is *opaque* if the order of triangles does not decide its picture: the depth test is on, with a depth target, writes,
 //! and compares by `Less`, `LessOrEqual`, `Greater` or `GreaterOrEqual`; nothing blends; all channels of all colour targets are
-//! written, or none; the fragment shader neither discards, nor writes depth, nor writes memory; and neither it nor the pipeline
-//! chooses among the samples of a pixel. All other draws are *ordered*, also those without any depth test.
+//! written, or none; the fragment shader neither discards, nor writes depth, a stencil value or memory; neither it nor the pipeline
+//! chooses among the samples of a pixel; and the stencil test only compares, or writes values that do not depend on each other
+//! ([`crate::StencilState`]). All other draws are *ordered*, also those without any depth test.
 //!
 //! [`Renderer::begin`] begins a frame: an [`Encoder`] records passes that draw to images of the device, in one submission
 //! that nobody waits for. [`Renderer::prepare`] records a pass once, one submission for each band;
@@ -121,6 +122,7 @@ impl Renderer {
     /// |---|---|
     /// | `lib/coverage.glsl` | which pixels a triangle covers |
     /// | `lib/depth.glsl` | the depth of a triangle at a pixel, and what a depth target of floats keeps of it |
+    /// | `lib/stencil.glsl` | the stencil test |
     /// | `lib/interpolate.glsl` | the value of a varying at a pixel |
     /// | `lib/blend.glsl` | the blend equations |
     /// | `lib/color.glsl` | the texels of colour targets |
@@ -314,7 +316,7 @@ impl Renderer {
             Stage::Fragment => {
                 let format = kernels::color_formats([Format::Rgba8Srgb].into_iter())?;
                 let (kind, mode) = (Fragments::default(), depth_mode(&shader.reflection));
-                let ordered = KernelRequest::Ordered(key.clone(), format, kind, mode);
+                let ordered = KernelRequest::Ordered(key.clone(), format, kind, (mode, false));
                 self.kernels.make([KernelRequest::Shade(key, format, kind), ordered])
             }
         }

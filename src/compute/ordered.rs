@@ -2,7 +2,7 @@
 //! bin.
 //!
 //! Reads: bins, sorted lists, triangles, positions, varyings, the resource table.
-//! Writes: colour, depth; visibility for a trace. Contract and kernel: `glsl/ordered.comp`.
+//! Writes: colour, depth, stencil values; visibility for a trace. Contract and kernel: `glsl/ordered.comp`.
 
 use super::frame::Stage;
 use crate::{
@@ -23,6 +23,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("CellEnds", &b.cell_ends)
         .bind("Entries", &b.entries)
         .bind("Depth", &stage.target.depth)
+        .bind("Stencil", &stage.target.stencil)
         .bind("BinBounds", &stage.target.bin_bounds)
         .bind("Visibility", &b.visibility)
         .bind("Color", &stage.target.color)

@@ -22,18 +22,19 @@ pub struct Prepared {
     /// Copy the targets to the host, if the host does not see the device's memory. They are not part of the
     /// recordings, so that the time of a frame does not include them.
     color_copies: Vec<Recording>,
-    depth_copies: Vec<Recording>,
+    other_copies: Vec<Recording>,
     results: Results,
 }
 
 impl Prepared {
     pub(super) fn new(gpu: &Gpu, recordings: Vec<Recording>, results: Results) -> Result<Self> {
-        let (mut color_copies, mut depth_copies) = (Vec::new(), Vec::new());
+        let (mut color_copies, mut other_copies) = (Vec::new(), Vec::new());
         for target in &results.targets {
             color_copies.extend(target.copy_of_color(gpu)?);
-            depth_copies.extend(target.copy_of_depth(gpu)?);
+            other_copies.extend(target.copy_of_depth(gpu)?);
+            other_copies.extend(target.copy_of_stencil(gpu)?);
         }
-        Ok(Self { recordings, color_copies, depth_copies, results })
+        Ok(Self { recordings, color_copies, other_copies, results })
     }
 
     /// Runs the pass on the device and waits.
@@ -56,7 +57,7 @@ impl Prepared {
     /// # Errors
     /// As [`Prepared::execute`].
     pub fn read(&mut self) -> Result<Frame> {
-        for copy in self.color_copies.iter_mut().chain(&mut self.depth_copies) {
+        for copy in self.color_copies.iter_mut().chain(&mut self.other_copies) {
             copy.run()?;
         }
         self.results.read()
@@ -86,7 +87,8 @@ pub struct Results {
 impl Results {
     /// All of them.
     pub fn read(&self) -> Result<Frame> {
-        Ok(Frame { colors: self.colors().collect::<Result<_>>()?, depth: self.depth()? })
+        let (colors, depth) = (self.colors().collect::<Result<_>>()?, self.depth()?);
+        Ok(Frame { colors, depth, stencil: self.stencil()? })
     }
 
     /// The colour targets that are stored, in their order.
@@ -107,6 +109,13 @@ impl Results {
         depth.map(|depth| self.of(depth, rows)).transpose()
     }
 
+    /// Stencil values, if they are stored.
+    fn stencil(&self) -> Result<Option<Picture>> {
+        let stencil = self.attachments.stencil.as_ref().filter(|stencil| stencil.is_stored());
+        let rows = |target: &Target, _: &Grid| Some(target.host_stencil.as_ref()?.cast());
+        stencil.map(|stencil| self.of(stencil, rows)).transpose()
+    }
+
     /// The picture of `attachment`, which is stored. The rows of its bands are where `rows` says, unless it is an image.
     fn of<A: Copy>(
         &self,
@@ -114,8 +123,7 @@ impl Results {
         rows: impl Fn(&Target, &Grid) -> Option<Result<Buffer<u8>>>,
     ) -> Result<Picture> {
         if let Some(image) = &attachment.image {
-            let at = attachment.subresource;
-            return image.download_layer(at.level, at.layer);
+            return image.download_subresource(attachment.subresource);
         }
         let (extent, format) = (self.extent, attachment.format);
         let (mut bytes, wanted) = (Vec::new(), extent.pixels() * format.texel_bytes());

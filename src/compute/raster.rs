@@ -1,6 +1,6 @@
 //! Records raster and z-test of opaque work: a workgroup for each non-empty bin.
 //!
-//! Reads: bins, lists, triangles. Writes: visibility, depth, the bins of each fragment kernel with the
+//! Reads: bins, lists, triangles. Writes: visibility, depth, stencil values, the bins of each fragment kernel with the
 //! triangles that cover whole bins.
 //! Contract and kernel: `glsl/raster.comp`.
 
@@ -21,6 +21,7 @@ pub fn record(recorder: &mut Recorder, stage: &Stage, kernel: &Kernel) -> Result
         .bind("Triangles", &b.triangles)
         .bind("Pieces", stage.pieces)
         .bind("Depth", &stage.target.depth)
+        .bind("Stencil", &stage.target.stencil)
         .bind("BinBounds", &stage.target.bin_bounds)
         .bind("Visibility", &b.visibility)
         .bind("ShadeArgs", &b.shade_args)

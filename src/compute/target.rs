@@ -1,4 +1,4 @@
-//! The rows of one band: colour and depth where kernels read and write them, and where the host finds them.
+//! The rows of one band: colour, depth and stencil values where kernels read and write them, and where the host finds them.
 //!
 //! Kernels work on the rows, with no copy of a bin between a clear and a store of all
 //! pixels; `docs/tried.md` has the cost of such copies. If pixels have several samples, kernels work on these, and rows have
@@ -16,7 +16,7 @@ use crate::{
 use bytemuck::Pod;
 use std::{borrow::Cow, ops::Range};
 
-/// Colour and depth of one band, row by row.
+/// Colour, depth and stencil values of one band, row by row.
 pub struct Target {
     /// Words of samples, one target after the other ([`Attachments::planes`]).
     pub color: Buffer<u32>,
@@ -28,6 +28,10 @@ pub struct Target {
     pub depth: Buffer<f32>,
     /// See `color_rows`.
     depth_rows: Buffer<f32>,
+    /// Stencil values of samples, a word each.
+    pub stencil: Buffer<u32>,
+    /// See `color_rows`.
+    stencil_rows: Buffer<u32>,
     samples: usize,
     /// The least and the greatest depth that a bin may hold, as the batches of opaque work that follow
     /// ask for them.
@@ -36,6 +40,8 @@ pub struct Target {
     pub host_color: Option<Buffer<u32>>,
     /// See `host_color`.
     pub host_depth: Option<Buffer<f32>>,
+    /// See `host_color`.
+    pub host_stencil: Option<Buffer<u32>>,
 }
 
 /// The memory of one target in a band.
@@ -95,6 +101,13 @@ impl Target {
         let resolves = of_depth.is_some_and(Attachment::resolves);
         let names = ["depth", "samples of depth"];
         let depth = Memories::new(gpu, scratch, names, pixels, (samples, resolves, is_read))?;
+        let of_stencil = attachments.stencil.as_ref();
+        let is_read = of_stencil.is_some_and(Attachment::is_read);
+        let resolves = of_stencil.is_some_and(Attachment::resolves);
+        let names = ["stencil values", "samples of stencil values"];
+        // Kernels bind a buffer in any case.
+        let words = if of_stencil.is_some() { pixels } else { 1 };
+        let stencil = Memories::new(gpu, scratch, names, words, (samples, resolves, is_read))?;
         let bin_bounds = scratch.get(gpu, "bounds of bins", band.bins() as usize)?;
         let texels = texels.transpose()?;
         Ok(Self {
@@ -104,6 +117,9 @@ impl Target {
             depth: depth.samples,
             depth_rows: depth.rows,
             host_depth: depth.host,
+            stencil: stencil.samples,
+            stencil_rows: stencil.rows,
+            host_stencil: stencil.host,
             texels,
             samples,
             bin_bounds,
@@ -123,13 +139,23 @@ impl Target {
     /// The memory of the depth target.
     pub fn depth_plane(&self) -> Result<Plane<'_>> {
         let (samples, rows) = (self.depth.cast::<u32>()?, self.depth_rows.cast::<u32>()?);
+        Ok(self.plane(Cow::Owned(samples), Cow::Owned(rows)))
+    }
+
+    /// The memory of the stencil target.
+    pub fn stencil_plane(&self) -> Plane<'_> {
+        self.plane(Cow::Borrowed(&self.stencil), Cow::Borrowed(&self.stencil_rows))
+    }
+
+    /// The memory of a target that has buffers of its own.
+    fn plane<'a>(&'a self, samples: Cow<'a, Buffer<u32>>, rows: Cow<'a, Buffer<u32>>) -> Plane<'a> {
         let bytes = |buffer: &Buffer<u32>| 0..4 * buffer.len();
         let (of_samples, of_rows) = (bytes(&samples), bytes(&rows));
-        Ok(Plane {
-            samples: (Cow::Owned(samples), of_samples),
-            rows: (Cow::Owned(rows), of_rows),
+        Plane {
+            samples: (samples, of_samples),
+            rows: (rows, of_rows),
             texels: self.texels.as_ref(),
-        })
+        }
     }
 
     /// Brings colour to the host, where that takes anything.
@@ -140,6 +166,12 @@ impl Target {
     /// Brings depth to the host, where that takes anything.
     pub fn copy_of_depth(&self, gpu: &Gpu) -> Result<Option<Recording>> {
         copy(gpu, "copy of the depth target", &self.depth_rows, self.host_depth.as_ref())
+    }
+
+    /// Brings stencil values to the host, where that takes anything.
+    pub fn copy_of_stencil(&self, gpu: &Gpu) -> Result<Option<Recording>> {
+        let (rows, host) = (&self.stencil_rows, self.host_stencil.as_ref());
+        copy(gpu, "copy of the stencil target", rows, host)
     }
 }
 

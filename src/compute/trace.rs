@@ -54,6 +54,10 @@ impl Setup {
                 let shade_args = recorder.download(&buffers.shade_args)?;
                 let shade_bins = recorder.download(&buffers.shade_bins)?;
                 let depth = recorder.download(&target.depth)?;
+                let stencil = match &pass.stencil {
+                    Some(_) => Some(recorder.download(&target.stencil)?),
+                    None => None,
+                };
                 recorder.submit()?;
                 let mut visibility = visibility.read()?;
                 if let Method::Opaque { .. } = batch.method {
@@ -70,6 +74,7 @@ impl Setup {
                     cells: lists(&ends.read()?[..band.cells as usize], &entries.read()?),
                     visibility: rows((band, samples), &visibility),
                     depth: depth.read()?,
+                    stencil: stencil.map_or(Ok(Vec::new()), |values| values.read())?,
                 });
             }
             let mut recorder = Recorder::new(gpu, "end of a band")?;

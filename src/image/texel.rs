@@ -72,7 +72,7 @@ pub(crate) fn decode(format: Format, texel: &[u8]) -> [f32; 4] {
         match format.numeric() {
             Numeric::Unorm | Numeric::Srgb => number as f32 / masks[n] as f32,
             Numeric::Snorm => (signed(number) as f32 / (masks[n] >> 1) as f32).max(-1.0),
-            Numeric::Uint | Numeric::Uscaled => number as f32,
+            Numeric::Uint | Numeric::Uscaled | Numeric::Stencil => number as f32,
             Numeric::Sint | Numeric::Sscaled => signed(number) as f32,
             Numeric::Depth => depth_of_number(format, number),
             Numeric::Float => match format.packing() {
@@ -148,7 +148,7 @@ fn depth_of_number(format: Format, number: u32) -> f32 {
 
 /// Bytes of texels that a device left, with 0 in the bits that belong to no channel: Vulkan does not say what they hold.
 pub(crate) fn without_rest(format: Format, mut bytes: Vec<u8>) -> Vec<u8> {
-    if format == Format::X8D24Unorm {
+    if format.depth_bits() == 24 {
         for texel in bytes.as_chunks_mut::<4>().0 {
             *texel = (u32::from_ne_bytes(*texel) & 0xff_ffff).to_ne_bytes();
         }

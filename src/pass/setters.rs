@@ -12,7 +12,8 @@ use crate::{
         Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, LogicOp, Rect, Topology,
         Viewport,
     },
-    target::{ColorTarget, DepthTarget},
+    stencil::StencilState,
+    target::{ColorTarget, DepthTarget, StencilTarget},
     texture::{Sampler, Texture},
     vk,
 };
@@ -27,6 +28,7 @@ impl Pass {
         into
         colors: Vec<ColorTarget>,
         depth: Option<DepthTarget>,
+        stencil: Option<StencilTarget>,
         draws: Vec<Draw>,
     }
 
@@ -54,6 +56,7 @@ impl Pipeline {
         sample_shading: bool,
         ;
         into
+        stencil: Option<StencilState>,
         depth_clip: Option<bool>,
         logic_op: Option<LogicOp>,
         vertex: Arc<Shader>,
@@ -80,6 +83,7 @@ impl Draw {
         instances: u32,
         first_instance: u32,
         depth_bounds: [f32; 2],
+        stencil_reference: [u8; 2],
         blend_constants: [f32; 4],
         ;
         into

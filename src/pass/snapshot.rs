@@ -23,6 +23,9 @@ impl Pass {
         if let Some(depth) = &mut pass.depth {
             *depth = depth.snapshot()?;
         }
+        if let Some(stencil) = &mut pass.stencil {
+            *stencil = stencil.snapshot()?;
+        }
         for draw in &mut pass.draws {
             let indices = draw.indices.iter_mut().map(|indices| &mut indices.range);
             draw.vertex_buffers.iter_mut().chain(indices).try_for_each(|r| copied.range(r))?;
@@ -44,6 +47,7 @@ impl Pass {
         };
         self.colors.iter().any(|color| color.image.is_some())
             || self.depth.as_ref().is_some_and(|depth| depth.image.is_some())
+            || self.stencil.as_ref().is_some_and(|stencil| stencil.image.is_some())
             || self.draws.iter().any(|draw| {
                 draw.indirect.is_some()
                     || draw.vertex_buffers.iter().any(is_there)

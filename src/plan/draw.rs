@@ -1,13 +1,14 @@
 //! Cuts one draw into pieces.
 
-use super::{PipelineInfo, Planning, without_repetition};
+use super::{PipelineInfo, Planning, facts::is_colorless, without_repetition};
 use crate::{
     abi::{self, Attribute, Piece},
     error::{Error, Result},
     format::{Format, Numeric},
-    pass::{Draw, Pipeline, StepRate, VertexAttribute},
+    pass::{Draw, Pass, Pipeline, StepRate, VertexAttribute},
     samples::Samples,
-    state::{BlendEquation, ColorState, DepthState, LogicOp, Topology},
+    state::{BlendEquation, ColorState, Compare, DepthState, LogicOp, Topology},
+    stencil::StencilFace,
 };
 use std::ops::Range;
 
@@ -198,7 +199,11 @@ impl Planning<'_> {
             fragment_state: depth_state(&pipeline.depth, self.pass.depth.is_some())
                 | if pipeline.adjusts_depth(draw) { abi::DEPTH_STATE_ADJUSTED } else { 0 }
                 | if pipeline.clips_depth() { 0 } else { abi::DEPTH_STATE_UNCLIPPED }
-                | sample_state(pipeline),
+                | sample_state(pipeline)
+                | match is_colorless(pipeline, self.pass.colors.len()) {
+                    true => abi::FRAGMENT_STATE_COLORLESS,
+                    false => 0,
+                },
             depth_bias: draw
                 .depth_bias
                 .map_or([0.0; 3], |bias| [bias.constant, bias.slope, bias.clamp]),
@@ -213,6 +218,7 @@ impl Planning<'_> {
                 false => [0.0, 1.0],
             },
             blend_constants: draw.blend_constants,
+            stencil: stencil_states(self.pass, pipeline, draw),
             ..Piece::default()
         }))
     }
@@ -323,6 +329,25 @@ fn sample_state(pipeline: &Pipeline) -> u32 {
     covers | one | pipeline.sample_mask << abi::SAMPLE_STATE_MASK_SHIFT
 }
 
+/// What is [`Piece::stencil`].
+fn stencil_states(pass: &Pass, pipeline: &Pipeline, draw: &Draw) -> [[u32; 2]; 2] {
+    let of_face = |face: StencilFace, reference: u8| {
+        let test = face.compare as u32
+            | (face.fail as u32) << abi::STENCIL_FAIL_SHIFT
+            | (face.depth_fail as u32) << abi::STENCIL_DEPTH_FAIL_SHIFT
+            | (face.pass as u32) << abi::STENCIL_PASS_SHIFT;
+        let values = u32::from(reference)
+            | u32::from(face.compare_mask) << abi::STENCIL_COMPARE_MASK_SHIFT
+            | u32::from(face.write_mask) << abi::STENCIL_WRITE_MASK_SHIFT;
+        [test, values]
+    };
+    let [front, back] = draw.stencil_reference;
+    match pipeline.stencil.filter(|_| pass.stencil.is_some()) {
+        Some(stencil) => [of_face(stencil.front, front), of_face(stencil.back, back)],
+        None => [[Compare::Always as u32, 0]; 2],
+    }
+}
+
 /// The part of it that concerns depth.
 fn depth_state(depth: &DepthState, has_target: bool) -> u32 {
     let test = depth.test && has_target;
@@ -336,7 +361,7 @@ fn depth_state(depth: &DepthState, has_target: bool) -> u32 {
 fn takes_logic(format: Format) -> bool {
     match format.numeric() {
         Numeric::Unorm | Numeric::Snorm | Numeric::Uint | Numeric::Sint => true,
-        Numeric::Srgb | Numeric::Float | Numeric::Depth => false,
+        Numeric::Srgb | Numeric::Float | Numeric::Depth | Numeric::Stencil => false,
         Numeric::Uscaled | Numeric::Sscaled => false,
     }
 }

@@ -1,12 +1,13 @@
 //! What follows from a pipeline alone: its kernels, and how it is drawn.
 
-use super::{KernelKey, Method};
+use super::{KernelKey, Method, Stencil};
 use crate::{
     abi,
-    pass::{Pipeline, StepRate, VertexAttribute, VertexBinding},
+    pass::{Pass, Pipeline, StepRate, VertexAttribute, VertexBinding},
     samples::Samples,
     shader::{Reflection, Shader, Varying},
     state::{Compare, LogicOp},
+    stencil::StencilState,
 };
 use std::sync::Arc;
 
@@ -52,6 +53,27 @@ impl Facts {
     }
 }
 
+/// What the method of a pipeline depends on in the targets of a pass.
+#[derive(Clone, Copy)]
+pub(crate) struct TargetKinds {
+    /// Colour targets.
+    pub colors: usize,
+    pub depth: bool,
+    pub stencil: bool,
+    pub samples: Samples,
+}
+
+impl TargetKinds {
+    pub fn of(pass: &Pass) -> Self {
+        Self {
+            colors: pass.colors.len(),
+            depth: pass.depth.is_some(),
+            stencil: pass.stencil.is_some(),
+            samples: pass.samples,
+        }
+    }
+}
+
 /// The kernels of one pipeline.
 pub(crate) struct PipelineKernels {
     pub vertex: Arc<KernelKey>,
@@ -61,8 +83,8 @@ pub(crate) struct PipelineKernels {
 }
 
 impl PipelineKernels {
-    /// Those of `pipeline` in passes that have so many colour targets, a depth target or not, and so many samples.
-    pub fn of(pipeline: &Pipeline, targets: (usize, bool, Samples)) -> Self {
+    /// Those of `pipeline` in passes that have such targets.
+    pub fn of(pipeline: &Pipeline, targets: TargetKinds) -> Self {
         let Facts { vertex, fragment, .. } = Facts::new(pipeline);
         Self { vertex, fragment, method: method(pipeline, targets, 0) }
     }
@@ -102,33 +124,41 @@ fn read_outputs(pipeline: &Pipeline) -> u32 {
 }
 
 /// How a pipeline is drawn.
-pub(super) fn method(
-    pipeline: &Pipeline,
-    (colors, has_depth, samples): (usize, bool, Samples),
-    kernel: usize,
-) -> Method {
+pub(super) fn method(pipeline: &Pipeline, targets: TargetKinds, kernel: usize) -> Method {
+    let TargetKinds { colors, samples, .. } = targets;
     let fragment = &pipeline.fragment.reflection;
     let keyed = matches!(
         pipeline.depth.compare,
         Compare::Less | Compare::LessOrEqual | Compare::Greater | Compare::GreaterOrEqual
     );
-    let tested = has_depth && pipeline.depth.test && pipeline.depth.write && keyed;
+    let tested = targets.depth && pipeline.depth.test && pipeline.depth.write && keyed;
     let overwrites = pipeline.logic_op.is_none_or(|op| op == LogicOp::Copy);
     // Opaque work knows of a pixel's samples which triangle they show, and not which ones a triangle covers.
     let tells_samples = pipeline.sample_mask & samples.mask() != samples.mask()
         || pipeline.alpha_to_coverage
         || (samples != Samples::One && fragment.reads_coverage);
     let unordered = tested && !pipeline.depth.bounds && !tells_samples && is_pure(fragment);
-    if unordered && overwrites && !pipeline.alpha_to_one {
+    let test = pipeline.stencil.filter(|_| targets.stencil);
+    let stencil = match test.map(|test| test.unordered(pipeline.cull)) {
+        None => Some(Stencil::Off),
+        Some(None) => None,
+        Some(Some(0)) => Some(Stencil::Compares),
+        Some(Some(mask)) => Some(Stencil::Writes(mask)),
+    };
+    if let (true, Some(stencil)) = (unordered && overwrites && !pipeline.alpha_to_one, stencil) {
         let compare = pipeline.depth.compare;
         let states = || (0..colors).map(|target| pipeline.color_state(target));
         if states().all(|state| !state.writes()) {
-            return Method::Opaque { compare, shades: false };
+            return Method::Opaque { compare, shades: false, stencil };
         }
         if states().all(|state| state.overwrites()) {
-            return Method::Opaque { compare, shades: true };
+            return Method::Opaque { compare, shades: true, stencil };
         }
     }
+    let writes_on_failure = |test: StencilState| {
+        let mut faces = test.drawn(pipeline.cull);
+        faces.any(|face| face.writes_on_failure())
+    };
     let depth = match depth_mode(fragment) {
         // Alpha takes samples away after the shader, and these keep their depth.
         abi::DEPTH_EARLY if pipeline.alpha_to_coverage && !fragment.early_fragment_tests => {
@@ -136,12 +166,24 @@ pub(super) fn method(
         }
         depth => depth,
     };
-    Method::Ordered { kernel, depth }
+    // Only a fragment that the shader keeps changes the target, also where it fails.
+    let depth = match test.is_some_and(writes_on_failure) {
+        true if depth == abi::DEPTH_EARLY_TEST => abi::DEPTH_LATE,
+        _ => depth,
+    };
+    Method::Ordered { kernel, depth, stencil: test.is_some() }
+}
+
+/// Whether fragments of `pipeline` change nothing but depth and stencil values.
+pub(super) fn is_colorless(pipeline: &Pipeline, colors: usize) -> bool {
+    let mut states = (0..colors).map(|target| pipeline.color_state(target));
+    is_pure(&pipeline.fragment.reflection) && states.all(|state| !state.writes())
 }
 
 /// Whether a fragment shader does nothing except return a colour.
 fn is_pure(fragment: &Reflection) -> bool {
-    !fragment.discards && !fragment.writes_depth && !fragment.has_side_effects
+    let writes = fragment.writes_depth || fragment.writes_stencil || fragment.has_side_effects;
+    !fragment.discards && !writes
 }
 
 /// When ordered work tests depth: one of `abi::DEPTH_*`.
@@ -150,7 +192,7 @@ pub(crate) fn depth_mode(fragment: &Reflection) -> u32 {
         abi::DEPTH_EARLY
     } else if fragment.writes_depth {
         abi::DEPTH_WRITTEN
-    } else if fragment.has_side_effects {
+    } else if fragment.has_side_effects || fragment.writes_stencil {
         abi::DEPTH_LATE
     } else {
         abi::DEPTH_EARLY_TEST

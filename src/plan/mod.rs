@@ -6,7 +6,8 @@
 //! resource table is full and another one begins, or where the method of drawing changes:
 //!
 //! * **opaque** work (a depth comparison towards or away from the viewer with write, no blending, all channels of
-//!   all targets or none, no discard, no depth export, no side effects) has a result that does not depend on its order and
+//!   all targets or none, no discard, no export of depth or of stencil values, no side effects, no stencil test in which
+//!   values depend on each other) has a result that does not depend on its order and
 //!   goes through visibility;
 //! * everything else is **ordered**, one fragment shader at a time.
 //!
@@ -32,7 +33,7 @@ use crate::{
 use facts::{Facts, method};
 use std::{collections::HashMap, sync::Arc};
 
-pub(crate) use facts::{PipelineKernels, depth_mode};
+pub(crate) use facts::{PipelineKernels, TargetKinds, depth_mode};
 
 /// Where the executor put a resource: gives the planner slots of the resource table.
 pub trait Slots {
@@ -81,6 +82,8 @@ pub enum Method {
         compare: Compare,
         /// Whether the draws write colour: all of them write all targets, or none writes any.
         shades: bool,
+        /// Their stencil tests.
+        stencil: Stencil,
     },
     /// In API order with one fragment kernel; the depth mode is one of `abi::DEPTH_*`.
     Ordered {
@@ -88,7 +91,20 @@ pub enum Method {
         kernel: usize,
         /// When the depth test happens.
         depth: u32,
+        /// Whether there is a stencil test.
+        stencil: bool,
     },
+}
+
+/// The stencil tests of opaque work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stencil {
+    /// None.
+    Off,
+    /// No fragment changes the target.
+    Compares,
+    /// All fragments that pass change these bits of the target.
+    Writes(u8),
 }
 
 /// One dispatch of the vertex stage: all slots of a batch that one vertex shader fills.
@@ -338,11 +354,7 @@ impl Planning<'_> {
             number_of(&mut plan.fragment_kernels, &mut numbers.fragment, fragment);
         let pipeline = &self.pass.pipelines[draw.pipeline];
         PipelineInfo {
-            method: method(
-                pipeline,
-                (self.pass.colors.len(), self.pass.depth.is_some(), self.pass.samples),
-                fragment_kernel,
-            ),
+            method: method(pipeline, TargetKinds::of(self.pass), fragment_kernel),
             vertex_kernel,
             fragment_kernel,
             varying_stride: *varying_stride,

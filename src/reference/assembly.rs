@@ -24,6 +24,8 @@ pub struct Assembled {
     pub bias: Option<DepthBias>,
     /// Of the draw.
     pub depth_bounds: [f32; 2],
+    /// What stencil tests compare with, of front faces and of back faces.
+    pub stencil_reference: [u8; 2],
     /// Least and greatest depth of a fragment.
     pub depth_limits: [f32; 2],
 }
@@ -63,6 +65,7 @@ fn of_draw(
             window,
             bias: draw.depth_bias,
             depth_bounds: draw.depth_bounds,
+            stencil_reference: draw.stencil_reference,
             depth_limits,
         }
     })

@@ -78,10 +78,10 @@ fn difference_in_band(
     batches: &[BatchTrace],
 ) -> Option<String> {
     let mut all = assembly::run(pass);
-    let mut depth = depth_before(pass, grid);
+    let mut held = Held { depth: depth_before(pass, grid), stencil: stencil_before(pass, grid) };
     for (number, given) in batches.iter().enumerate() {
         let primitives: Vec<_> = all.by_ref().take(given.primitives.len()).collect();
-        let expected = batch(Input { pass, grid, primitives: &primitives, positions }, depth);
+        let expected = batch(Input { pass, grid, primitives: &primitives, positions }, held);
         let found = match given.primitives == expected.primitives {
             true => missing(&primitives, positions),
             // Other primitives have other vertices.
@@ -90,7 +90,7 @@ fn difference_in_band(
         if let Some(found) = found.or_else(|| given.first_difference(&expected)) {
             return Some(format!("batch {number}: {found}"));
         }
-        depth = expected.depth;
+        held = Held { depth: expected.depth, stencil: expected.stencil };
     }
     all.next().map(|left| format!("assembly: no batch has {}", left.primitive))
 }
@@ -108,6 +108,21 @@ fn depth_before(pass: &Pass, grid: &Grid) -> Vec<f32> {
         None => vec![1.0; pixels],
     };
     of_pixels.into_iter().flat_map(|depth| std::iter::repeat_n(depth, samples)).collect()
+}
+
+/// The stencil values in the same way; none without a target for them.
+fn stencil_before(pass: &Pass, grid: &Grid) -> Vec<u32> {
+    let (pixels, samples) = (grid.extent.pixels(), pass.samples.count() as usize);
+    let of_pixels: Vec<u8> = match pass.stencil.as_ref().map(|stencil| &stencil.load) {
+        Some(LoadOp::Clear(value)) => vec![*value; pixels],
+        Some(LoadOp::Picture(picture)) => {
+            let first = grid.origin_y as usize * grid.extent.width as usize;
+            picture.bytes[first..first + pixels].to_vec()
+        }
+        Some(LoadOp::Load) => unreachable!("a snapshot loads from no image"),
+        None => Vec::new(),
+    };
+    of_pixels.into_iter().flat_map(|value| std::iter::repeat_n(value.into(), samples)).collect()
 }
 
 /// What the depth target of `pass` keeps of a depth: the nearest one that its format holds.
@@ -128,11 +143,20 @@ fn missing(primitives: &[Assembled], positions: &Positions) -> Option<String> {
     })
 }
 
-/// What every stage should have written of a batch that begins with `depth`.
-fn batch(input: Input, mut depth: Vec<f32>) -> BatchTrace {
+/// What the targets of depth and stencil hold: the samples of the band's pixels row by row.
+pub struct Held {
+    /// Depths.
+    pub depth: Vec<f32>,
+    /// Stencil values; none without a target for them.
+    pub stencil: Vec<u32>,
+}
+
+/// What every stage should have written of a batch that begins with `held`.
+fn batch(input: Input, mut held: Held) -> BatchTrace {
     let triangles = primitive::run(&input);
     let cells = binning::run(input.grid, input.pass.samples, &triangles);
-    let visibility = raster::run(&input, &triangles, &mut depth);
+    let visibility = raster::run(&input, &triangles, &mut held);
     let primitives = input.primitives.iter().map(|assembled| assembled.primitive).collect();
-    BatchTrace { grid: *input.grid, primitives, triangles, cells, visibility, depth }
+    let Held { depth, stencil } = held;
+    BatchTrace { grid: *input.grid, primitives, triangles, cells, visibility, depth, stencil }
 }

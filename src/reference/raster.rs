@@ -1,22 +1,22 @@
-//! Raster and z-test: which triangle each sample shows, and its depth.
+//! Raster and the tests of depth and stencil: which triangle each sample shows, its depth, and its stencil value.
 //!
-//! Reads: triangles, the draws' depth state, the depth before the batch. Writes: visibility and depth, row by row, the
-//! samples of a pixel one after the other.
+//! Reads: triangles, the state of the draws, the targets before the batch. Writes: visibility, depth and stencil values, row by
+//! row, the samples of a pixel one after the other.
 //! Contract: draws the triangles in API order, one after the other, as the API describes it; twin
 //! of `glsl/raster.comp`, and of `glsl/ordered.comp` where shaders neither discard nor write depth.
 
-use super::{Input, assembly::Assembled, binning::edge_at, kept, primitive::multiply_add};
+use super::{Held, Input, assembly::Assembled, binning::edge_at, kept, primitive::multiply_add};
 use crate::{
     format::Format,
     grid::Grid,
     pass::Pass,
     state::{Compare, DepthBias, DepthState},
+    stencil::{StencilFace, StencilOp, StencilState},
     trace::{Parts, Triangle, key},
 };
 
-/// Draws all of the batch; `depth` has the samples of the band's pixels row by row. Returns the key of the
-/// triangle that wrote each sample last, 0 where none did.
-pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
+/// Draws all of the batch. Returns the key of the triangle that wrote each sample last, 0 where none did.
+pub fn run(input: &Input, primitives: &[Parts], held: &mut Held) -> Vec<u32> {
     let samples = input.pass.samples.count() as usize;
     let mut visibility = vec![0; samples * input.grid.extent.pixels()];
     for (number, parts) in primitives.iter().enumerate() {
@@ -24,11 +24,13 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
             Some(_) => input.pipeline(number).depth,
             None => DepthState::OFF,
         };
+        let stencil = input.pass.stencil.as_ref().and(input.pipeline(number).stencil);
         for (part, triangle) in parts.iter().enumerate() {
             let Some(triangle) = triangle else { continue };
             let key = key(number, part);
-            let of_draw = (state, input.pipeline(number).sample_mask, &input.primitives[number]);
-            draw((input.pass, input.grid), of_draw, triangle, key, depth, &mut visibility);
+            let of_draw = (input.pipeline(number).sample_mask, &input.primitives[number]);
+            let tests = (state, stencil);
+            draw((input.pass, input.grid), of_draw, tests, (triangle, key), held, &mut visibility);
         }
     }
     visibility
@@ -36,13 +38,16 @@ pub fn run(input: &Input, primitives: &[Parts], depth: &mut [f32]) -> Vec<u32> {
 
 fn draw(
     (pass, grid): (&Pass, &Grid),
-    (state, sample_mask, assembled): (DepthState, u32, &Assembled),
-    t: &Triangle,
-    key: u32,
-    depth: &mut [f32],
+    (sample_mask, assembled): (u32, &Assembled),
+    (state, stencil): (DepthState, Option<StencilState>),
+    (t, key): (&Triangle, u32),
+    held: &mut Held,
     visibility: &mut [u32],
 ) {
+    let Held { depth, stencil: values } = held;
     let Assembled { bias, depth_bounds: [least, greatest], depth_limits, .. } = *assembled;
+    let [front, back] = assembled.stencil_reference;
+    let face = stencil.map(|test| if t.front { (test.front, front) } else { (test.back, back) });
     let bias = bias.map(|bias| bias_of(pass, bias, t));
     for y in t.first[1]..=t.last[1] {
         for x in t.first[0]..=t.last[0] {
@@ -57,7 +62,15 @@ fn draw(
                 if state.bounds && !(least..=greatest).contains(&depth[at]) {
                     continue;
                 }
-                if state.test && !passes(state.compare, z, depth[at]) {
+                let passes_depth = !state.test || passes(state.compare, z, depth[at]);
+                if let Some((face, reference)) = face {
+                    let (value, passed) = stencil_test(face, reference, values[at], passes_depth);
+                    values[at] = value;
+                    if !passed {
+                        continue;
+                    }
+                }
+                if !passes_depth {
                     continue;
                 }
                 visibility[at] = key;
@@ -105,6 +118,30 @@ fn bias_of(pass: &Pass, bias: DepthBias, t: &Triangle) -> f32 {
     let sum = if clamp > 0.0 { sum.min(clamp) } else { sum };
     let sum = if clamp < 0.0 { sum.max(clamp) } else { sum };
     limited(sum)
+}
+
+/// The stencil value after a fragment, and whether the stencil test lets it pass.
+fn stencil_test(face: StencilFace, reference: u8, held: u32, passes_depth: bool) -> (u32, bool) {
+    let held = held as u8;
+    let mask = face.compare_mask;
+    let passed = passes(face.compare, f32::from(reference & mask), f32::from(held & mask));
+    let operation = match (passed, passes_depth) {
+        (false, _) => face.fail,
+        (true, false) => face.depth_fail,
+        (true, true) => face.pass,
+    };
+    let value = match operation {
+        StencilOp::Keep => held,
+        StencilOp::Zero => 0,
+        StencilOp::Replace => reference,
+        StencilOp::IncrementAndClamp => held.saturating_add(1),
+        StencilOp::DecrementAndClamp => held.saturating_sub(1),
+        StencilOp::Invert => !held,
+        StencilOp::IncrementAndWrap => held.wrapping_add(1),
+        StencilOp::DecrementAndWrap => held.wrapping_sub(1),
+    };
+    let written = face.write_mask;
+    (u32::from(held & !written | value & written), passed)
 }
 
 fn passes(compare: Compare, new: f32, old: f32) -> bool {

@@ -355,6 +355,7 @@ impl Pipelines<'_> {
                 true => FrontFace::Clockwise,
             },
             depth: DepthState { write: !blended, ..DepthState::LESS },
+            stencil: None,
             depth_clamp: false,
             depth_clip: None,
             colors: vec![ColorState::default().blend(blended.then_some(Blend::ALPHA))],

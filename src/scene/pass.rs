@@ -81,6 +81,7 @@ impl Scene {
             extent,
             colors: vec![ColorTarget::cleared(options.format, [r * a, g * a, b * a, a])],
             depth: Some(DepthTarget::cleared(1.0)),
+            stencil: None,
             samples: options.samples,
             draws: draws.collect(),
             pipelines: self.pipelines.clone(),

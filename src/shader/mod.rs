@@ -267,6 +267,8 @@ pub struct Reflection {
     pub discards: bool,
     /// Fragment: writes `gl_FragDepth`.
     pub writes_depth: bool,
+    /// Fragment: writes `gl_FragStencilRefARB`.
+    pub writes_stencil: bool,
     /// Fragment: takes derivatives, explicitly or by sampling with implicit level of detail.
     pub takes_derivatives: bool,
     /// Writes memory or uses atomics.

@@ -104,6 +104,9 @@ fn add_varyings(
     match interface::variable(index, variable, &[])? {
         Variable::Leaves(leaves) => list.extend(leaves.iter().map(|leaf| leaf.varying)),
         Variable::BuiltIn(BuiltIn::FragDepth) if written => reflection.writes_depth = true,
+        Variable::BuiltIn(BuiltIn::FragStencilRefEXT) if written => {
+            reflection.writes_stencil = true;
+        }
         // A mask of no samples discards the fragment.
         Variable::BuiltIn(BuiltIn::SampleMask) if written => reflection.discards = true,
         Variable::BuiltIn(BuiltIn::SampleMask) => reflection.reads_coverage = true,

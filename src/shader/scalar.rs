@@ -23,7 +23,7 @@ impl Scalar {
     /// What shaders read of such channels.
     pub(crate) const fn of_numeric(numeric: Numeric) -> Self {
         match numeric {
-            Numeric::Uint => Self::Uint,
+            Numeric::Uint | Numeric::Stencil => Self::Uint,
             Numeric::Sint => Self::Int,
             Numeric::Unorm
             | Numeric::Srgb

@@ -1,6 +1,6 @@
 //! Formats as Vulkan names them, and what a device does with images of them.
 
-use super::gpu::Shared;
+use super::{gpu::Shared, image::Aspect};
 use crate::{
     format::{Format, Numeric, Packing, VertexFormat},
     target::ClearColor,
@@ -57,6 +57,9 @@ pub(crate) fn vk_format(format: Format) -> vk::Format {
         Format::D32Float => F::D32_SFLOAT,
         Format::D16Unorm => F::D16_UNORM,
         Format::X8D24Unorm => F::X8_D24_UNORM_PACK32,
+        Format::S8Uint => F::S8_UINT,
+        Format::D24UnormS8Uint => F::D24_UNORM_S8_UINT,
+        Format::D32FloatS8Uint => F::D32_SFLOAT_S8_UINT,
     }
 }
 
@@ -136,18 +139,27 @@ pub(crate) fn vertex_format(format: VertexFormat) -> Option<vk::Format> {
 }
 
 /// What the texels of an image of `format` are to commands.
-pub(super) fn aspect(format: Format) -> vk::ImageAspectFlags {
-    match format.is_depth() {
-        true => vk::ImageAspectFlags::DEPTH,
-        false => vk::ImageAspectFlags::COLOR,
+pub(super) fn aspects(format: Format) -> vk::ImageAspectFlags {
+    let flag = |is, flag| if is { flag } else { vk::ImageAspectFlags::empty() };
+    flag(format.is_color(), vk::ImageAspectFlags::COLOR)
+        | flag(format.is_depth(), vk::ImageAspectFlags::DEPTH)
+        | flag(format.is_stencil(), vk::ImageAspectFlags::STENCIL)
+}
+
+/// That of them which one command copies, and which shaders see.
+pub(super) fn aspect(format: Format, aspect: Aspect) -> vk::ImageAspectFlags {
+    match aspect {
+        Aspect::Main if format.is_depth() => vk::ImageAspectFlags::DEPTH,
+        Aspect::Main => aspects(format),
+        Aspect::Stencil => vk::ImageAspectFlags::STENCIL,
     }
 }
 
 /// The usage of an image that the device draws to itself.
 pub(super) fn attachment_flag(format: Format) -> vk::ImageUsageFlags {
-    match format.is_depth() {
-        true => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-        false => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+    match format.is_color() {
+        true => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+        false => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
     }
 }
 
@@ -176,7 +188,7 @@ impl Shared {
         self.offers(
             format,
             match format.numeric() {
-                Numeric::Depth => FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT,
+                Numeric::Depth | Numeric::Stencil => FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT,
                 _ => FormatFeatureFlags::COLOR_ATTACHMENT,
             },
         )

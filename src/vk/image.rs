@@ -8,7 +8,7 @@ use super::{
     recorder::Recorder,
 };
 use crate::{
-    error::Result,
+    error::{Error, Result},
     format::Format,
     image::{self, Extent, Shape, texel::without_rest},
     samples::Samples,
@@ -73,8 +73,29 @@ impl<'a> ImageInfo<'a> {
 /// One layer or slice of one mip level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Subresource {
+    pub aspect: Aspect,
     pub level: u32,
     pub layer: u32,
+}
+
+/// A part of texels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) enum Aspect {
+    /// All of them but the stencil values beside depths.
+    #[default]
+    Main,
+    /// Stencil values.
+    Stencil,
+}
+
+impl Subresource {
+    /// The format of its texels in an image of `format`.
+    pub fn format(&self, format: Format) -> Format {
+        match self.aspect {
+            Aspect::Main => format.without_stencil(),
+            Aspect::Stencil => Format::S8Uint,
+        }
+    }
 }
 
 /// An image with its views. A clone is the same image.
@@ -119,7 +140,7 @@ impl Image {
         recorder.submit()?;
         let Extent { width, height } = self.extent().level(level);
         let extent = Extent::new(width, height * self.shape().pictures(level));
-        let format = self.format();
+        let format = self.format().without_stencil();
         Ok(image::Picture { extent, format, bytes: without_rest(format, copy.read()?) })
     }
 
@@ -128,12 +149,32 @@ impl Image {
     /// # Errors
     /// As [`Image::download`], and [`crate::Error::Usage`] if there is no such layer or slice.
     pub fn download_layer(&self, level: u32, layer: u32) -> Result<image::Picture> {
+        self.download_subresource(Subresource { aspect: Aspect::Main, level, layer })
+    }
+
+    /// The present stencil values of one layer of mip level `level`: a picture of [`Format::S8Uint`].
+    ///
+    /// # Errors
+    /// As [`Image::download_layer`], and [`crate::Error::Usage`] if the image has none.
+    pub fn download_stencil(&self, level: u32, layer: u32) -> Result<image::Picture> {
+        if !self.format().is_stencil() {
+            return Err(Error::Usage(format!(
+                "image `{}` ({:?}) holds no stencil values",
+                self.name(),
+                self.format()
+            )));
+        }
+        self.download_subresource(Subresource { aspect: Aspect::Stencil, level, layer })
+    }
+
+    /// The present content of a subresource.
+    pub(crate) fn download_subresource(&self, subresource: Subresource) -> Result<image::Picture> {
         let gpu = Gpu(self.0.gpu.clone());
-        let (extent, format) = (self.extent().level(level), self.format());
+        let extent = self.extent().level(subresource.level);
+        let format = subresource.format(self.format());
         let bytes = extent.pixels() * format.texel_bytes();
         let copy = Buffer::new(&gpu, "download of a layer", bytes, Memory::Readback)?;
         let mut recorder = Recorder::new(&gpu, "download")?;
-        let subresource = Subresource { level, layer };
         recorder.copy_from_image(self, subresource, 0..extent.height, &copy)?;
         recorder.submit()?;
         Ok(image::Picture { extent, format, bytes: without_rest(format, copy.read()?) })

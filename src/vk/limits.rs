@@ -73,6 +73,8 @@ pub(crate) struct DrawLimits {
     pub sample_shading: bool,
     /// How depths of several samples become one.
     pub depth_resolves: vk::ResolveModeFlags,
+    /// How several samples of stencil values become one texel.
+    pub stencil_resolves: vk::ResolveModeFlags,
     /// Whether clipping at the depth planes is a switch of its own.
     pub clips_depth_apart: bool,
     /// Commands of one indirect draw, and whether a buffer may say how many there are.
@@ -113,6 +115,7 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         alpha_to_one: probe.features.core.alpha_to_one == vk::TRUE,
         sample_shading: probe.features.core.sample_rate_shading == vk::TRUE,
         depth_resolves: probe.vulkan12.supported_depth_resolve_modes,
+        stencil_resolves: probe.vulkan12.supported_stencil_resolve_modes,
         clips_depth_apart: DEPTH_CLIP.is_on(&probe.features),
         commands: match probe.features.core.multi_draw_indirect == vk::TRUE
             && probe.features.core.draw_indirect_first_instance == vk::TRUE

@@ -112,7 +112,7 @@ pub use table_sizes::TableSizes;
 pub(crate) use capability::missing_feature;
 pub(crate) use commands::{Commands, Unfinished};
 pub(crate) use format::{clear_color, vertex_format, vk_format};
-pub(crate) use image::Subresource;
+pub(crate) use image::{Aspect, Subresource};
 #[cfg(feature = "cli")]
 pub(crate) use inherited::stdout_was_closed;
 pub(crate) use sampler::compare_op;

@@ -2,9 +2,9 @@
 
 use super::{
     adopt::CallerImage,
-    format::{aspect, attachment_flag, vk_format},
+    format::{aspect, aspects, attachment_flag, vk_format},
     gpu::{Gpu, Shared},
-    image::{ImageInfo, ImageUse, Subresource},
+    image::{Aspect, ImageInfo, ImageUse, Subresource},
 };
 use crate::{
     error::{Error, Result},
@@ -196,9 +196,9 @@ impl RawImage {
                 "{what} cannot have {levels} levels: an image of this size has 1 to {most}"
             )));
         }
-        if format.is_depth() && !gpu.has_graphics() {
+        if !format.is_color() && !gpu.has_graphics() {
             return Err(Error::Device(format!(
-                "{what} cannot be made on {}, which has no queue that both draws and computes: depth images need one",
+                "{what} cannot be made on {}, which has no queue that both draws and computes: images of depths or stencil values need one",
                 gpu.name()
             )));
         }
@@ -227,7 +227,8 @@ impl RawImage {
                 Shape::Cube => vk::ImageViewType::CUBE,
                 Shape::CubeArray(_) => vk::ImageViewType::CUBE_ARRAY,
             };
-            self.view = self.new_view(kind, self.range())?;
+            let range = self.range().aspect_mask(aspect(self.format, Aspect::Main));
+            self.view = self.new_view(kind, range)?;
         }
         Ok(())
     }
@@ -284,7 +285,7 @@ impl RawImage {
     }
 
     /// Refuses subresources that the image does not have.
-    pub fn check_subresource(&self, Subresource { level, layer }: Subresource) -> Result<()> {
+    pub fn check_subresource(&self, Subresource { level, layer, .. }: Subresource) -> Result<()> {
         if level >= self.levels {
             let (name, levels) = (&self.name, self.levels);
             return Err(Error::Usage(format!(
@@ -342,15 +343,15 @@ impl RawImage {
     /// All levels and layers.
     pub fn range(&self) -> vk::ImageSubresourceRange {
         vk::ImageSubresourceRange::default()
-            .aspect_mask(aspect(self.format))
+            .aspect_mask(aspects(self.format))
             .level_count(self.levels)
             .layer_count(self.shape.layers())
     }
 
-    /// All layers of one level.
+    /// All layers of one level, and all aspects but the stencil values beside depths.
     pub fn layers(&self, level: u32) -> vk::ImageSubresourceLayers {
         vk::ImageSubresourceLayers::default()
-            .aspect_mask(aspect(self.format))
+            .aspect_mask(aspect(self.format, Aspect::Main))
             .mip_level(level)
             .layer_count(self.shape.layers())
     }
@@ -381,6 +382,7 @@ impl RawImage {
             Shape::D3(_) => copy.image_offset.z = subresource.layer as i32,
             _ => copy.image_subresource.base_array_layer = subresource.layer,
         }
+        copy.image_subresource.aspect_mask = aspect(self.format, subresource.aspect);
         copy.image_subresource.layer_count = 1;
         copy.image_offset.y = rows.start as i32;
         copy.image_extent.height = rows.len() as u32;

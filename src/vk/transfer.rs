@@ -184,7 +184,7 @@ impl Recorder {
     pub fn make_levels(&mut self, image: &Image) -> Result<()> {
         same_device(self, image)?;
         let raw = &image.0;
-        if raw.usage == ImageUse::Sampled || raw.format.is_depth() || raw.format.is_integer() {
+        if raw.usage == ImageUse::Sampled || !raw.format.is_color() || raw.format.is_integer() {
             return Err(Error::Usage(format!(
                 "image `{}` ({:?}, `ImageUse::{:?}`) gets no levels: they are made of colours that are no integers, in images that are made \
                  with `ImageUse::Attachment` or `ImageUse::Storage`",
@@ -244,7 +244,7 @@ impl Recorder {
     /// without memory for the copy.
     pub fn download_image(&mut self, image: &Image, level: u32) -> Result<Buffer<u8>> {
         let raw = &image.0;
-        raw.check_subresource(Subresource { level, layer: 0 })?;
+        raw.check_subresource(Subresource { level, ..Subresource::default() })?;
         let name = format!("download of {}", image.name());
         let copy = Buffer::new(&self.gpu, &name, raw.level_bytes(level), Memory::Readback)?;
         raw.check_copied(true, false)?;
@@ -346,7 +346,8 @@ impl Recorder {
         let raw = &image.0;
         raw.check_subresource(subresource)?;
         let extent = raw.extent.level(subresource.level);
-        let bytes = rows.len() * extent.width as usize * raw.format.texel_bytes();
+        let texel = subresource.format(raw.format).texel_bytes();
+        let bytes = rows.len() * extent.width as usize * texel;
         if rows.is_empty() || rows.end > extent.height || buffer.len() < bytes {
             return Err(Error::Usage(format!(
                 "rows {rows:?} of image `{}` ({extent}) and {} bytes of buffer `{}` do not fit together",
@@ -365,14 +366,14 @@ impl Recorder {
         let (device, commands, range) = (&self.gpu.0.device, self.commands.raw, [raw.range()]);
         // SAFETY: the image is in that layout and kept by the transition. The queue draws, if it is a depth image.
         unsafe {
-            match raw.format.is_depth() {
-                true => {
+            match raw.format.is_color() {
+                false => {
                     let zeros = vk::ClearDepthStencilValue::default();
                     device.cmd_clear_depth_stencil_image(
                         commands, raw.handle, WRITTEN, &zeros, &range,
                     );
                 }
-                false => {
+                true => {
                     // The bits of zero are the same in floats and in integers.
                     let zeros = vk::ClearColorValue::default();
                     device.cmd_clear_color_image(commands, raw.handle, WRITTEN, &zeros, &range);
@@ -386,7 +387,7 @@ impl Recorder {
 /// Refuses depths that Vulkan lets no copy write into `image`.
 fn check_depths(image: &Image, level: &[u8]) -> Result<()> {
     // Depths of fewer bits are numbers, which are in 0..=1 whatever their bits are.
-    if image.format() != Format::D32Float {
+    if image.format().without_stencil() != Format::D32Float {
         return Ok(());
     }
     let depths = level.chunks_exact(4).map(bytemuck::pod_read_unaligned::<f32>);

@@ -37,7 +37,9 @@ impl Pass {
                 self.row_bytes()
             ));
         }
-        self.depth.as_ref().map_or(Ok(()), |depth| depth.check(self.extent))
+        self.depth.as_ref().map_or(Ok(()), |depth| depth.check(self.extent))?;
+        let stencil = self.stencil.as_ref();
+        stencil.map_or(Ok(()), |stencil| stencil.check(self.extent))
     }
 }
 

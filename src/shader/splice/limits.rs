@@ -96,6 +96,7 @@ pub(super) fn capability(capability: Capability) -> Fate {
         | C::ShaderViewportIndexLayerEXT
         | C::ShaderLayer
         | C::ShaderViewportIndex
+        | C::StencilExportEXT
         | C::FragmentShadingRateKHR
         | C::FragmentBarycentricKHR => Drop,
         _ => Refuse,
@@ -116,6 +117,7 @@ pub(super) fn extension(name: &str) -> Option<bool> {
         "SPV_EXT_demote_to_helper_invocation"
         | "SPV_KHR_terminate_invocation"
         | "SPV_KHR_relaxed_extended_instruction"
+        | "SPV_EXT_shader_stencil_export"
         | "SPV_KHR_multiview"
         | "SPV_KHR_shader_draw_parameters"
         | "SPV_EXT_shader_viewport_index_layer"
@@ -136,6 +138,7 @@ pub(super) fn execution_mode(mode: ExecutionMode) -> bool {
         ExecutionMode::OriginUpperLeft
             | ExecutionMode::EarlyFragmentTests
             | ExecutionMode::DepthReplacing
+            | ExecutionMode::StencilRefReplacingEXT
             | ExecutionMode::DepthGreater
             | ExecutionMode::DepthLess
             | ExecutionMode::DepthUnchanged
