@@ -55,6 +55,9 @@ uvec3 vertex_slots(const Piece piece, const uint in_piece) {
 
 ivec2 snap(const vec3 p) {
     const float scale = float(1u << SUBPIXEL_BITS);
+    const int half_pixel = 1 << (SUBPIXEL_BITS - 1u);
+    // As devices round, whose samples are not in the centres.
+    if (batch.reach != 0) return ivec2(round_even(p.x * scale), round_even(p.y * scale)) - half_pixel;
     return ivec2(round_even((p.x - 0.5) * scale), round_even((p.y - 0.5) * scale));
 }
 
@@ -86,7 +89,7 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
         return NONE;
     }
 
-    vec3 plane = depth_plane(a, b, c);
+    vec3 plane = depth_plane(a, b, c, batch.reach != 0 ? 0.0 : 0.5);
     uint adjusted = 0u;
     if ((piece.fragment_state & DEPTH_STATE_ADJUSTED) != 0u) {
         float largest = max(abs(a.z), max(abs(b.z), abs(c.z)));

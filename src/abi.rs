@@ -467,7 +467,7 @@ pub struct Triangle {
     pub y: [i32; 3],
     /// Last pixel that may be covered.
     pub bounds_max: u32,
-    /// Depth at the centre of the target's pixel (0, 0).
+    /// Depth at the centre of the target's pixel (0, 0), or at its upper left corner if pixels have several samples.
     pub z: f32,
     /// Change of depth per pixel to the right.
     pub dzdx: f32,

@@ -104,6 +104,13 @@ pub mod bench {
         (8, file!("surface-8.frag")),
         (12, file!("surface-12.frag")),
     ];
+    /// The fragment shader that writes several targets, with so many further varyings.
+    pub const SEVERAL_FRAGMENT: [(u32, &[u32]); 4] = [
+        (0, file!("surface-0-several.frag")),
+        (4, file!("surface-4-several.frag")),
+        (8, file!("surface-8-several.frag")),
+        (12, file!("surface-12-several.frag")),
+    ];
     /// `bench/copy.comp`.
     pub const COPY: &[u32] = file!("copy.comp");
     /// `bench/atomic.comp`.

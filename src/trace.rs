@@ -53,7 +53,7 @@ pub struct Triangle {
     pub first: [u32; 2],
     /// Column and row of the last one.
     pub last: [u32; 2],
-    /// Depth at the centre of the target's pixel (0, 0).
+    /// Depth at the centre of the target's pixel (0, 0), or at its upper left corner if pixels have several samples.
     pub z: f32,
     /// Change of depth per pixel to the right.
     pub dzdx: f32,

@@ -10,6 +10,10 @@ layout(constant_id = 1) const uint FRAGMENT_COST = 0;
 layout(constant_id = 2) const uint FETCHES = 1;
 // Pipelines differ in this constant: it sets how the highlight falls off.
 layout(constant_id = 3) const uint GLOSS = 0;
+#ifdef SEVERAL_TARGETS // A file of its own, so that one target is drawn by a shader that declares no other.
+// Colour targets that are written, up to 8.
+layout(constant_id = 4) const uint TARGETS = 8;
+#endif
 
 layout(location = 0) in vec3 in_position;
 layout(location = 1) in vec3 in_normal;
@@ -39,6 +43,16 @@ layout(set = 1, binding = 6) uniform sampler2D map6;
 layout(set = 1, binding = 7) uniform sampler2D map7;
 
 layout(location = 0) out vec4 out_color;
+#ifdef SEVERAL_TARGETS
+// The targets behind the first; there are as many as TARGETS says.
+layout(location = 1) out vec4 out_more1;
+layout(location = 2) out vec4 out_more2;
+layout(location = 3) out vec4 out_more3;
+layout(location = 4) out vec4 out_more4;
+layout(location = 5) out vec4 out_more5;
+layout(location = 6) out vec4 out_more6;
+layout(location = 7) out vec4 out_more7;
+#endif
 
 // Each further map at another scale, as detail maps are, averaged towards the first.
 void detail(inout vec4 base, vec4 texel) {
@@ -78,4 +92,15 @@ void main() {
         color += base.rgb * (reach * 0.2);
     }
     out_color = vec4(color, base.a);
+#ifdef SEVERAL_TARGETS
+    // Mixtures of the colour without light and the direction of the surface: no two targets are the same.
+    vec3 facing = n * 0.5 + 0.5;
+    if (TARGETS > 1u) { out_more1 = vec4(mix(base.rgb, facing, 1.0 / 7.0), base.a); }
+    if (TARGETS > 2u) { out_more2 = vec4(mix(base.rgb, facing, 2.0 / 7.0), base.a); }
+    if (TARGETS > 3u) { out_more3 = vec4(mix(base.rgb, facing, 3.0 / 7.0), base.a); }
+    if (TARGETS > 4u) { out_more4 = vec4(mix(base.rgb, facing, 4.0 / 7.0), base.a); }
+    if (TARGETS > 5u) { out_more5 = vec4(mix(base.rgb, facing, 5.0 / 7.0), base.a); }
+    if (TARGETS > 6u) { out_more6 = vec4(mix(base.rgb, facing, 6.0 / 7.0), base.a); }
+    if (TARGETS > 7u) { out_more7 = vec4(mix(base.rgb, facing, 7.0 / 7.0), base.a); }
+#endif
 }

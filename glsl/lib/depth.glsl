@@ -1,5 +1,5 @@
 // Depth of a triangle at a pixel: a plane through the unsnapped corners, which starts from its depth at the
-// pixel (0, 0). A plane that starts at a corner is more accurate for steep triangles far from the origin.
+// centre of pixel (0, 0) or, if pixels have several samples, at its upper left corner. A plane that starts at a corner is more accurate for steep triangles far from the origin.
 // But devices start at (0, 0), and where two surfaces coincide, the winner depends on it: with the other
 // plane, thousands of pixels in some rooms differ from the device's own pipeline.
 // The file that includes this one defines ADJUSTED: whether triangles may have an adjustment, which is a bias and the least and
@@ -17,14 +17,14 @@ float settled(const float a) {
 }
 
 // Change of depth per pixel to the right and down, and the depth at the centre of the pixel (0, 0),
-// from window positions. A triangle without area before snapping has the depth of its first corner.
-vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c) {
+// from window positions. If pixels have several samples, `start` is 0 for the corner of that pixel, and else 0.5. A triangle without area before snapping has the depth of its first corner.
+vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c, const float start) {
     vec3 ab = a - b, ca = c - a;
     float area = ab.x * ca.y - ab.y * ca.x;
     float inverse = exact_divide(1.0, area);
     vec2 ca_scaled = ca.xy * inverse, ab_scaled = ab.xy * inverse;
     vec2 gradient = vec2(ab.z * ca_scaled.y - ca.z * ab_scaled.y, ca.z * ab_scaled.x - ab.z * ca_scaled.x);
-    float z = a.z - (gradient.x * (a.x - 0.5) + gradient.y * (a.y - 0.5));
+    float z = a.z - (gradient.x * (a.x - start) + gradient.y * (a.y - start));
     vec3 plane = vec3(gradient, z);
     // Not-a-number compares as unusable; beyond the bound `multiply_add` may overflow.
     bool usable = flush(area) != 0.0 && all(lessThan(abs(plane), vec3(18446744073709551616.0)));
@@ -67,14 +67,19 @@ float stored_depth(const float d) {
     return DEPTH_BITS == 0u ? kept : number_depth(depth_number(kept, DEPTH_BITS), DEPTH_BITS);
 }
 
+// From where planes start, `x` being a place in pixels from the centre of pixel (0, 0).
+float from_start(const float x) {
+    return SAMPLES > 1u ? x + 0.5 : x;
+}
+
 // Depth in two steps at a place in pixels from the centre of pixel (0, 0): the first serves a whole column of pixels.
 float depth_of_column(const float z, const float dzdx, const float x) {
-    return multiply_add(dzdx, x, z);
+    return multiply_add(dzdx, from_start(x), z);
 }
 
 // As the target keeps it.
 float depth_in_column(const float column, const float dzdy, const vec3 adjustment, const float y) {
-    float d = multiply_add(dzdy, y, column);
+    float d = multiply_add(dzdy, from_start(y), column);
     return stored_depth(ADJUSTED ? limited_depth(d + adjustment.x, adjustment) : d);
 }
 
@@ -84,13 +89,13 @@ float depth_at(const vec3 plane, const vec3 adjustment, const vec2 place) {
 
 // As shaders see it, beyond the limits too.
 float free_depth_at(const vec3 plane, const vec3 adjustment, const vec2 place) {
-    return multiply_add(plane.z, place.y, depth_of_column(plane.x, plane.y, place.x)) + adjustment.x;
+    return multiply_add(plane.z, from_start(place.y), depth_of_column(plane.x, plane.y, place.x)) + adjustment.x;
 }
 
 // Bounds of the triangle's depth at the samples of the pixels from `origin` to `origin + last`: nothing is less than
 // the first, nothing greater than the second.
 vec2 depth_range(const vec3 plane, const vec3 adjustment, const ivec2 origin, const ivec2 last) {
-    vec2 at = plane.yz * vec2(origin), end = plane.yz * vec2(last);
+    vec2 at = plane.yz * vec2(from_start(float(origin.x)), from_start(float(origin.y))), end = plane.yz * vec2(last);
     float slack = (abs(plane.x) + abs(at.x) + abs(at.y) + abs(end.x) + abs(end.y)) * (1.0 / 1048576.0);
     float start = plane.x + at.x + at.y;
     if (ADJUSTED) {

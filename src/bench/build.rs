@@ -14,7 +14,6 @@ use crate::{
     },
     prebuilt::bench as prebuilt,
     random::Random,
-    samples::Samples,
     shader::{Shader, Stage},
     state::{Blend, Cull, DepthState},
     target::{ColorTarget, DepthTarget},
@@ -29,35 +28,40 @@ use std::{
 /// Textures that the fragment shader declares.
 const MAPS: u32 = 8;
 
-/// A shader pair and its number of further varyings.
-type Pair = (u32, Arc<Shader>, Arc<Shader>);
+/// A number of further varyings, the vertex shader, and the fragment shaders for one target and for several.
+type Shaders = (u32, Arc<Shader>, [Arc<Shader>; 2]);
 
-/// The shader pair with `varyings` further varyings, reflected once per process, so that executors
-/// know it again.
-fn shaders(varyings: u32) -> Result<(Arc<Shader>, Arc<Shader>)> {
-    static MADE: OnceLock<Vec<Pair>> = OnceLock::new();
+/// The shader pair of `recipe`, reflected once per process, so that executors know it again.
+fn shaders(recipe: &Recipe) -> Result<(Arc<Shader>, Arc<Shader>)> {
+    static MADE: OnceLock<Vec<Shaders>> = OnceLock::new();
     let made = match MADE.get() {
         Some(made) => made,
         None => {
-            let pair = |at: usize| {
-                let ((n, vertex), (_, fragment)) = (prebuilt::VERTEX[at], prebuilt::FRAGMENT[at]);
+            let of = |at: usize| {
+                let (n, vertex) = prebuilt::VERTEX[at];
                 let shader = |stage, label, words| {
                     Shader::own(stage, &format!("bench/{label} ({n})"), words).map(Arc::new)
                 };
+                let fragment = |label, (_, words)| shader(Stage::Fragment, label, words);
                 Ok((
                     n,
                     shader(Stage::Vertex, "surface.vert", vertex)?,
-                    shader(Stage::Fragment, "surface.frag", fragment)?,
+                    [
+                        fragment("surface.frag", prebuilt::FRAGMENT[at])?,
+                        fragment("surface.frag, several targets", prebuilt::SEVERAL_FRAGMENT[at])?,
+                    ],
                 ))
             };
-            let all = (0..prebuilt::VERTEX.len()).map(pair).collect::<Result<_>>()?;
+            let all = (0..prebuilt::VERTEX.len()).map(of).collect::<Result<_>>()?;
             MADE.get_or_init(|| all)
         }
     };
-    let found = made.iter().find(|(n, ..)| *n == varyings);
-    let (_, vertex, fragment) = found.ok_or_else(|| {
-        Error::Usage(format!("there is no shader with {varyings} further varyings"))
+    let found = made.iter().find(|(n, ..)| *n == recipe.varyings);
+    let (_, vertex, fragments) = found.ok_or_else(|| {
+        Error::Usage(format!("there is no shader with {} further varyings", recipe.varyings))
     })?;
+    let [one, several] = fragments;
+    let fragment = if recipe.targets == 1 { one } else { several };
     Ok((vertex.clone(), fragment.clone()))
 }
 
@@ -80,7 +84,7 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
         })
         .collect();
     let frame = frame_set(&model);
-    let mut pipelines = Pipelines { recipe, shaders: shaders(recipe.varyings)?, made: Vec::new() };
+    let mut pipelines = Pipelines { recipe, shaders: shaders(recipe)?, made: Vec::new() };
     let leaf = model.objects.iter().any(|object| object.kind == Kind::Leaf);
     let materials = materials(recipe, leaf);
     let mut draws: Vec<Draw> = Vec::new();
@@ -107,13 +111,14 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
             });
         }
     }
+    let target = ColorTarget::cleared(Format::Rgba8Srgb, [0.05, 0.06, 0.08, 1.0]);
     Ok(Pass {
         label: name.into(),
         extent,
-        colors: vec![ColorTarget::cleared(Format::Rgba8Srgb, [0.05, 0.06, 0.08, 1.0])],
+        colors: vec![target; recipe.targets as usize],
         depth: Some(DepthTarget::cleared(1.0)),
         stencil: None,
-        samples: Samples::One,
+        samples: recipe.samples,
         pipelines: pipelines.made.into_iter().map(|(_, pipeline)| pipeline).collect(),
         draws,
     })
@@ -154,6 +159,7 @@ impl Pipelines<'_> {
                 (1, recipe.fragment_cost),
                 (2, recipe.textures),
                 (3, number * 4),
+                (4, recipe.targets),
             ],
             vertex_bindings: vec![VertexBinding {
                 stride: size_of::<Vertex>() as u32,
@@ -276,6 +282,25 @@ mod tests {
             if let Some(count) = recipe.count {
                 let off = f64::from(triangles) / f64::from(count);
                 assert!((0.85..1.15).contains(&off), "{}: {triangles} of {count}", scene.name);
+            }
+        }
+    }
+
+    #[test]
+    fn a_shader_writes_the_targets_of_its_pass_whatever_its_varyings() {
+        for varyings in [0, 4, 8, 12] {
+            for (targets, outputs) in [(1, 1), (2, 8), (8, 8)] {
+                let sheet = scenes::find(scenes::SHEET).unwrap().recipe;
+                let recipe = Recipe { varyings, targets, ..sheet };
+                let pass = pass("sheet", &recipe, Extent::new(16, 16)).unwrap();
+                pass.validate().unwrap();
+                let fragment = &pass.pipelines[0].fragment;
+                assert_eq!(
+                    (pass.colors.len(), fragment.reflection.outputs.len()),
+                    (targets as usize, outputs)
+                );
+                let varying = |n: u32| fragment.reflection.inputs.iter().any(|i| i.location == n);
+                assert_eq!([2, 2 + varyings, 3 + varyings].map(varying), [true, true, false]);
             }
         }
     }

@@ -17,6 +17,12 @@ pub struct Counts {
     pub draws: usize,
     /// Pipelines that draws use.
     pub pipelines: usize,
+    /// Samples of a pixel.
+    pub samples: u32,
+    /// Colour targets.
+    pub targets: usize,
+    /// Bytes of a sample in all colour targets together.
+    pub color_bytes: u64,
     /// Compute: runs of vertex shaders, each vertex of a batch once.
     pub vertices: u64,
     /// Compute: bytes of attributes that these runs read.
@@ -80,12 +86,16 @@ impl Counts {
             pipeline.vertex_attributes.iter().map(|a| a.format.bytes() as u64).sum::<u64>()
         });
         let vertices = plan.batches.iter().map(|batch| u64::from(batch.vertices)).sum::<u64>();
+        let color_bytes = pass.colors.iter().map(|color| color.format.texel_bytes() as u64);
         let draws = pass.draws.len();
         Ok(Self {
             attribute_bytes: vertices * attributes.sum::<u64>() / (draws as u64).max(1),
             triangles: triangles.sum(),
             draws,
             pipelines: used.len(),
+            samples: pass.samples.count(),
+            targets: pass.colors.len(),
+            color_bytes: color_bytes.sum(),
             vertices,
             batches: plan.batches.len(),
             varying_words: plan.batches.iter().map(|batch| u64::from(batch.varying_words)).sum(),

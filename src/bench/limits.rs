@@ -137,10 +137,12 @@ impl Least {
     /// if there is no rule for the stage.
     pub fn of(stage: &str, counts: &Counts, extent: Extent) -> Option<Self> {
         let pixels = extent.pixels() as u64;
-        let position = 16;
+        // Depth and colours are kept for each sample.
+        let samples = pixels * u64::from(counts.samples);
+        let (position, depth) = (16, 4);
         let only = |bytes| Some(Self { bytes, atomics: 0 });
         match stage {
-            "clear" => only(pixels * 8),
+            "clear" => only(samples * (counts.color_bytes + depth)),
             // Positions go out twice: in clip space and in the window.
             "vertex" => only(
                 counts.attribute_bytes + counts.vertices * 2 * position + counts.varying_words * 4,
@@ -156,11 +158,33 @@ impl Least {
             "binning_scatter" => {
                 Some(Self { bytes: counts.triangles * 8, atomics: counts.triangles })
             }
-            // A depth for each pixel: a bin that one triangle covers needs no keys.
-            "raster" => only(pixels * 4),
-            // A colour for each pixel.
-            "shade" => only(pixels * 4),
+            // A depth for each sample: a bin that one triangle covers needs no keys.
+            "raster" => only(samples * depth),
+            // A colour for each sample of each target.
+            "shade" => only(samples * counts.color_bytes),
+            // Colours of samples in, those of pixels out.
+            "resolve" => only((samples + pixels) * counts.color_bytes),
             _ => None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_and_targets_are_work_of_the_stages_that_write_them() {
+        let bytes = |stage, samples, color_bytes| {
+            let counts = Counts { samples, color_bytes, triangles: 5, ..Counts::default() };
+            Least::of(stage, &counts, Extent::new(10, 10)).map(|least| least.bytes)
+        };
+        let of = |samples, color_bytes| {
+            ["clear", "raster", "shade", "resolve"].map(|stage| bytes(stage, samples, color_bytes))
+        };
+        assert_eq!(of(1, 4), [Some(800), Some(400), Some(400), Some(800)]);
+        assert_eq!(of(4, 8), [Some(4800), Some(1600), Some(3200), Some(4000)]);
+        assert_eq!(bytes("primitive", 1, 4), bytes("primitive", 4, 8));
+        assert_eq!(bytes("ordered", 4, 8), None);
     }
 }

@@ -1,6 +1,6 @@
 //! The recipe of a generated scene, and the axes along which recipes vary.
 
-use crate::{image::Extent, random::Random};
+use crate::{abi::MAX_COLORS, image::Extent, random::Random, samples::Samples};
 
 /// The most triangles that stand in one pair of buffers: as many as fit the smallest that a Vulkan device
 /// may call its largest.
@@ -68,6 +68,10 @@ pub struct Recipe {
     pub pipelines: u32,
     /// Draws take turns among so many materials, each with textures of its own.
     pub materials: u32,
+    /// Samples of a pixel.
+    pub samples: Samples,
+    /// Colour targets, each written by the fragment shader: 1 to 8.
+    pub targets: u32,
     /// Seed of the random numbers for places, colours and textures.
     pub seed: u64,
 }
@@ -89,6 +93,8 @@ impl Recipe {
             draws: 1,
             pipelines: 1,
             materials: 1,
+            samples: Samples::One,
+            targets: 1,
             seed: 0,
         }
     }
@@ -159,6 +165,8 @@ impl Recipe {
             }
             Axis::Draws => self.draws = number(1..=100_000)?,
             Axis::Pipelines => self.pipelines = number(1..=64)?,
+            Axis::Samples => self.samples = Axis::samples(text)?,
+            Axis::Targets => self.targets = number(1..=MAX_COLORS)?,
             Axis::Size => return Err("the size is not the scene's".into()),
         }
         Ok(())
@@ -248,11 +256,15 @@ pub enum Axis {
     Draws,
     /// [`Recipe::pipelines`].
     Pipelines,
+    /// [`Recipe::samples`].
+    Samples,
+    /// [`Recipe::targets`].
+    Targets,
 }
 
 impl Axis {
     /// All of them, with what their values are.
-    pub const ALL: [(Axis, &'static str); 12] = [
+    pub const ALL: [(Axis, &'static str); 14] = [
         (
             Axis::Area,
             "pixels that a triangle covers, 0.25 or more, or full; of `sheet`, which covers less of\n                  the picture where all of it would take more than 4194304 triangles",
@@ -271,6 +283,11 @@ impl Axis {
         (Axis::Blend, "yes or no: everything blended, in order"),
         (Axis::Draws, "draws that the triangles are dealt to, at least, up to 100000"),
         (Axis::Pipelines, "pipelines that the draws take turns among, up to 64"),
+        (
+            Axis::Samples,
+            "samples of a pixel, 1, 2, 4, 8 or 16; of files and built-in scenes too; rows of more than the\n                  device itself draws are left out and listed",
+        ),
+        (Axis::Targets, "colour targets that the fragment shader writes, up to 8"),
     ];
 
     /// As it is typed.
@@ -288,7 +305,18 @@ impl Axis {
             Axis::Blend => "blend",
             Axis::Draws => "draws",
             Axis::Pipelines => "pipelines",
+            Axis::Samples => "samples",
+            Axis::Targets => "targets",
         }
+    }
+
+    /// The value `text` of [`Axis::Samples`], which scenes have too that no recipe makes.
+    ///
+    /// # Errors
+    /// A sentence, if it is none.
+    pub fn samples(text: &str) -> Result<Samples, String> {
+        let samples = text.parse().ok().and_then(Samples::from_count);
+        samples.ok_or_else(|| format!("`{text}` is no number of samples: 1, 2, 4, 8 or 16 is"))
     }
 
     /// The axis called `name`.
@@ -352,6 +380,10 @@ mod tests {
             (Axis::Blend, "1", "yes or no"),
             (Axis::Textures, "9", "0 to 8"),
             (Axis::Draws, "", "1 to 100000"),
+            (Axis::Samples, "3", "1, 2, 4, 8 or 16"),
+            (Axis::Samples, "32", "1, 2, 4, 8 or 16"),
+            (Axis::Targets, "0", "1 to 8"),
+            (Axis::Targets, "9", "1 to 8"),
         ] {
             let refused = sheet(&[(axis, text)]).unwrap_err();
             assert!(refused.contains(said), "{refused}");

@@ -130,6 +130,8 @@ pub fn row(label: &Label, m: &Measurement, quiet: &Quiet) -> Value {
         "triangles": m.counts.triangles,
         "draws": m.counts.draws,
         "pipelines": m.counts.pipelines,
+        "samples": m.counts.samples,
+        "targets": m.counts.targets,
         "vertices": m.counts.vertices,
         "batches": m.counts.batches,
         "varying_words": m.counts.varying_words,

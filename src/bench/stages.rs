@@ -13,7 +13,7 @@ use std::time::Instant;
 const FRAMES: usize = 5;
 
 /// Every stage of compute's frame by its label, in the pipeline's order.
-pub const STAGES: [&str; 9] = [
+pub const STAGES: [&str; 10] = [
     "clear",
     "vertex",
     "primitive",
@@ -23,6 +23,7 @@ pub const STAGES: [&str; 9] = [
     "raster",
     "shade",
     "ordered",
+    "resolve",
 ];
 
 /// A stage's part of a frame.

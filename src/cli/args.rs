@@ -122,7 +122,7 @@ pub struct RenderArgs {
     /// Samples of a pixel: 1, 2, 4, 8 or 16. With several of them, edges are smooth
     ///
     /// Each pixel is the average of its samples. Fragment shaders still run once for a pixel and a triangle in it, so that
-    /// more samples cost memory and some time, and little shading. `bench` and `parity` draw with one sample. Example: tilewright render scene.glb -o scene.png --samples 8
+    /// more samples cost memory and some time, and little shading. `parity` draws with one sample, and so does `bench` without `--axis samples`. Example: tilewright render scene.glb -o scene.png --samples 8
     #[arg(long, value_name = "N", default_value = "4", value_parser = parse_samples)]
     pub samples: Samples,
     /// Draw with compute kernels or with the device's own graphics pipeline

@@ -35,6 +35,8 @@ impl Both {
     /// encodes sRGB by an approximation that is off by up to 2 of 255, and blends 8-bit targets in 8 bits.
     /// So the target has 16-bit floats, and both drawings are encoded in the same exact way.
     ///
+    /// Classic begins: what the device itself cannot draw is refused before kernels draw it.
+    ///
     /// # Errors
     /// Those of the executors and of [`id_pass`].
     pub fn draw(
@@ -58,8 +60,8 @@ impl Both {
             step(drawing);
             frame
         };
-        let by_compute = (done(compute.render(&pass))?, done(compute.render(&ids.pass))?);
         let by_classic = (done(classic.render(&pass))?, done(classic.render(&ids.pass))?);
+        let by_compute = (done(compute.render(&pass))?, done(compute.render(&ids.pass))?);
         let difference = compare(drawn(&by_compute), drawn(&by_classic))?;
         let mut limits = Limits::new(difference.pixels, false);
         let mut crosses = None;

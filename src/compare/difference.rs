@@ -220,6 +220,28 @@ mod tests {
     }
 
     #[test]
+    fn every_target_is_compared_and_a_pixel_counts_once() {
+        let ids = id_frame([0; 4], None);
+        let of_targets = |third: [[u8; 4]; 4], last: [[u8; 4]; 4]| Frame {
+            colors: [[[10; 4]; 4], [[10; 4]; 4], third, last]
+                .into_iter()
+                .flat_map(|color| frame(color, None).colors)
+                .collect(),
+            depth: None,
+            stencil: None,
+        };
+        let mut third = [[10; 4]; 4];
+        let mut last = third;
+        let a = of_targets(third, last);
+        (third[1], last[1], last[2]) = ([10, 10, 13, 10], [10, 40, 10, 10], [12, 10, 10, 10]);
+        let difference = of((&a, &ids), (&of_targets(third, last), &ids)).unwrap();
+        assert_eq!((difference.colour_over_1, difference.colour_max), (2, 30));
+        let mut fewer = a.clone();
+        fewer.colors.pop();
+        assert!(of((&a, &ids), (&fewer, &ids)).is_err());
+    }
+
+    #[test]
     fn drawings_of_other_shapes_are_refused() {
         let ids = id_frame([0; 4], None);
         let with_depth = id_frame([0; 4], Some([0.0; 4]));

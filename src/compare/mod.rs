@@ -13,6 +13,9 @@
 //! | [`depth_max`](Difference::depth_max) | depth of the id pass | won by the same primitive |
 //! | [`colour_over_1`](Difference::colour_over_1), [`colour_max`](Difference::colour_max) | the pass, as sRGB in 8 bits | all |
 //!
+//! Ids have one sample, whatever the pass has. The coverage of the others is compared where the eye sees it: in the
+//! colours that they become. All colour targets are compared, and a pixel differs as much as the worst of them.
+//!
 //! Each pixel is thus counted once among the first three, and a figure has one cause: coverage is
 //! the rasterizer, the winner is the depth test, depth is the interpolation.
 //!

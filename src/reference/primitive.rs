@@ -144,7 +144,11 @@ fn set_up(
     corners: [[f32; 3]; 3],
 ) -> Option<Triangle> {
     let scale = (1 << abi::SUBPIXEL_BITS) as f32;
-    let snap = |c: f32| ((c - 0.5) * scale).round_ties_even() as i32;
+    // As devices round: several samples are not in the centres of pixels.
+    let snap = |c: f32| match samples {
+        Samples::One => ((c - 0.5) * scale).round_ties_even() as i32,
+        _ => (c * scale).round_ties_even() as i32 - 128,
+    };
     let mut x = corners.map(|p| snap(p[0]));
     let mut y = corners.map(|p| snap(p[1]));
     let at = |i: usize| (i64::from(x[i]), i64::from(y[i]));
@@ -170,7 +174,7 @@ fn set_up(
     let (first_x, last_x) = pixels(x, columns)?;
     let (first_y, last_y) = pixels(y, rows)?;
 
-    let [dzdx, dzdy, z] = depth_plane(corners);
+    let [dzdx, dzdy, z] = depth_plane(corners, if samples == Samples::One { 0.5 } else { 0.0 });
     let largest = corners.iter().map(|corner| corner[2].abs()).fold(0.0, f32::max);
     let adjusted = assembled.bias.is_some() || pipeline.depth_clamp || planes(pipeline) == 4;
     let mut triangle = Triangle {
@@ -191,15 +195,15 @@ fn set_up(
     Some(triangle)
 }
 
-/// Change of depth per pixel to the right and down, and the depth at the centre of the pixel (0, 0).
-fn depth_plane([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
+/// Change of depth per pixel to the right and down, and the depth at the place (`start`, `start`) of pixel (0, 0).
+fn depth_plane([a, b, c]: [[f32; 3]; 3], start: f32) -> [f32; 3] {
     let ab: [f32; 3] = std::array::from_fn(|i| a[i] - b[i]);
     let ca: [f32; 3] = std::array::from_fn(|i| c[i] - a[i]);
     let area = ab[0] * ca[1] - ab[1] * ca[0];
     let inverse = flush(1.0 / area);
     let (cas, abs) = ([ca[0] * inverse, ca[1] * inverse], [ab[0] * inverse, ab[1] * inverse]);
     let [dx, dy] = [ab[2] * cas[1] - ca[2] * abs[1], ca[2] * abs[0] - ab[2] * cas[0]];
-    let plane = [dx, dy, a[2] - (dx * (a[0] - 0.5) + dy * (a[1] - 0.5))];
+    let plane = [dx, dy, a[2] - (dx * (a[0] - start) + dy * (a[1] - start))];
     let usable = flush(area) != 0.0 && plane.iter().all(|p| p.abs() < 2f32.powi(64));
     let settled = |p: f32| if p.abs() < 2f32.powi(-64) { 0.0 } else { p };
     if usable { plane.map(settled) } else { [0.0, 0.0, settled(a[2])] }

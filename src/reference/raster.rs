@@ -10,6 +10,7 @@ use crate::{
     format::Format,
     grid::Grid,
     pass::Pass,
+    samples::Samples,
     state::{Compare, DepthBias, DepthState},
     stencil::{StencilFace, StencilOp, StencilState},
     trace::{Parts, Triangle, key},
@@ -58,7 +59,7 @@ fn draw(
                 }
                 let pixel = (y * grid.extent.width + x) as usize;
                 let at = pixel * pass.samples.count() as usize + s;
-                let z = kept(pass, depth_at((t, bias, depth_limits), place));
+                let z = kept(pass, depth_at((t, bias, depth_limits), (pass.samples, place)));
                 if state.bounds && !(least..=greatest).contains(&depth[at]) {
                     continue;
                 }
@@ -95,9 +96,11 @@ fn covers(t: &Triangle, place: [i64; 2]) -> bool {
 
 fn depth_at(
     (t, bias, [least, greatest]): (&Triangle, Option<f32>, [f32; 2]),
-    place: [i64; 2],
+    (samples, place): (Samples, [i64; 2]),
 ) -> f32 {
-    let [x, y] = place.map(|along| along as f32 / 16.0);
+    // The plane starts in the corner of a pixel, if pixels have several samples.
+    let start = if samples == Samples::One { 0 } else { 8 };
+    let [x, y] = place.map(|along| (along + start) as f32 / 16.0);
     let z = multiply_add(t.dzdy, y, multiply_add(t.dzdx, x, t.z));
     let z = bias.map_or(z, |bias| z + bias);
     if z > least { z.min(greatest) } else { least }

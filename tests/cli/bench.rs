@@ -133,6 +133,60 @@ fn axes_make_rows_and_files_are_scenes_too() {
     assert!(!said.contains("everything changes"), "{said}");
 }
 
+/// Rows of several samples and targets, the frames and processes of their own among them.
+#[test]
+fn samples_and_targets_are_axes() {
+    let axes = ["--axis", "samples=4", "--axis", "targets=3", "--size", "40x30"];
+    let rows = |line: &mut dyn Iterator<Item = &str>| {
+        let run = run(line.chain(["--rounds", "1", "--json"])).expect(0);
+        run.json()["rows"].as_array().unwrap().clone()
+    };
+    let made = rows(&mut ["bench", "foliage"].into_iter().chain(axes));
+    let file = ["bench", "builtin:still-life"].into_iter().chain(["--axis", "samples=4"]);
+    let seen = rows(&mut file.chain(["--size", "40x30"]));
+    for (row, targets) in [(&made[0], 3), (&seen[0], 1)] {
+        assert_eq!(row["axes"]["samples"], 4.0, "{row}");
+        assert_eq!(
+            (&row["counts"]["samples"], &row["counts"]["targets"]),
+            (&4.into(), &targets.into())
+        );
+        assert_eq!(row["images_equal"], true, "{row}");
+        let stages = row["compute"]["stages"].as_array().unwrap();
+        let resolve = stages.iter().find(|stage| stage["stage"] == "resolve").unwrap();
+        assert_eq!(resolve["dispatches"].as_u64(), Some(targets + 1), "colours and depth");
+        assert!(row["changing"]["ratio"].as_f64().unwrap() > 0.0, "{row}");
+        for side in ["compute", "classic"] {
+            assert!(
+                row[side]["second_run_first_frame_ms"].as_f64().unwrap() > 0.0,
+                "{side}: {row}"
+            );
+        }
+    }
+}
+
+/// No device has all numbers of samples; what it lacks costs the other rows nothing.
+#[test]
+fn samples_that_the_device_does_not_draw_are_listed() {
+    let line = ["bench", "large", "--axis", "samples=1,2,4,8,16", "--size", "16x16", "--warm-only"];
+    let run = run(line.into_iter().chain(["--rounds", "1", "--json"]));
+    let results = run.json();
+    let names = |of: &str| -> Vec<String> {
+        let all = results[of].as_array().unwrap().iter();
+        all.map(|row| row["name"].as_str().unwrap().to_string()).collect()
+    };
+    let (rows, skipped) = (names("rows"), names("skipped"));
+    for count in [1, 4] {
+        assert!(rows.contains(&format!("large samples={count}")), "{rows:?}");
+    }
+    assert_eq!(rows.len() + skipped.len(), 5);
+    for row in results["skipped"].as_array().unwrap() {
+        let count = row["name"].as_str().unwrap().rsplit('=').next().unwrap();
+        let reason = row["reason"].as_str().unwrap();
+        assert!(reason.contains(&format!("{count} samples")), "{row}");
+    }
+    run.expect(if skipped.is_empty() { 0 } else { 3 });
+}
+
 /// Starts a run of eight rows, sends it `signal` once it has written the first, and returns how it ended and
 /// all that it wrote.
 fn signalled(signal: &str, page: &Path) -> (ExitStatus, String, String) {
@@ -238,6 +292,10 @@ fn a_line_that_makes_no_sense_is_refused_before_a_device_is_opened() {
         (&["--axis", "area=1", "--axis", "area=2"], "twice"),
         (&["large", "--axis", "area=1"], "`sheet`"),
         (&["builtin:cube", "--axis", "draws=3"], "builtin:cube"),
+        (&["builtin:cube", "--axis", "samples=4", "--axis", "targets=2"], "--axis targets"),
+        (&["builtin:cube", "--axis", "samples=5"], "1, 2, 4, 8 or 16"),
+        (&["--axis", "samples=0"], "1, 2, 4, 8 or 16"),
+        (&["--axis", "targets=9"], "1 to 8"),
         (&["--axis", "size=7"], "WxH"),
         (&["--axis", "area=1", "--axis", "count=9", "--axis", "depth=2"], "leave one out"),
         (&["--budget", "0"], "more than 0"),
@@ -267,7 +325,8 @@ fn a_line_that_makes_no_sense_is_refused_before_a_device_is_opened() {
 #[test]
 fn scenes_and_axes_are_listed() {
     let run = run(["bench", "--list"]).expect(0);
-    for name in ["small-4m", "layers-blended", "foliage", "area", "varyings"] {
+    for name in ["small-4m", "layers-blended", "foliage", "area", "varyings", "samples", "targets"]
+    {
         assert!(run.stdout_text().contains(&format!("  {name} ")), "{name}");
     }
 }

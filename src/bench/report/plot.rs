@@ -10,9 +10,9 @@ use std::fmt::Write;
 
 /// Colours of stages and curves, told apart by people who see no red or green too (Okabe and Ito, and
 /// their mixtures with black).
-const COLORS: [&str; 10] = [
+const COLORS: [&str; 11] = [
     "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#8a6000",
-    "#33708f", "#005f45",
+    "#33708f", "#005f45", "#7a4964",
 ];
 
 fn color(number: usize) -> &'static str {

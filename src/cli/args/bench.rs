@@ -30,6 +30,7 @@ Examples:
   tilewright bench
   tilewright bench large small-1m scene.glb builtin:still-life --size 1920x1080 --size 512x512
   tilewright bench --axis area=0.25,1,16,full --axis depth=1,8 --json > area.json
+  tilewright bench foliage scene.glb --axis samples=1,4
   tilewright bench --report report.html --budget 600
   tilewright bench large --rounds 100 --warm-up 10 --seed 7
   tilewright bench show results.json --report report.html
@@ -47,7 +48,8 @@ pub struct BenchArgs {
     /// Pixels across and down; can be given several times [default: 1920x1080]
     #[arg(long, value_name = "WxH", value_parser = parse_size, allow_hyphen_values = true)]
     pub size: Vec<Extent>,
-    /// Vary generated scenes along an axis (--list); several axes give every combination of their values
+    /// Vary generated scenes along an axis (--list); several axes give every combination of their values.
+    /// `samples` varies files and built-in scenes too
     #[arg(long, value_name = "NAME=A,B,C")]
     pub axis: Vec<String>,
     /// About how many seconds the whole run may take; rows that do not fit are left out and listed

@@ -105,15 +105,11 @@ pub fn cases(args: &BenchArgs) -> Result<Vec<Case>> {
                         cases.push(generated(&scene, extent, settings, args.seed)?);
                     }
                 }
-                None if !axes.is_empty() => {
-                    return Err(Error::Usage(format!(
-                        "--axis {} varies generated scenes, and `{}` is none \
-                         (tilewright bench --list names them)",
-                        axes[0].0.name(),
-                        typed.display()
-                    )));
+                None => {
+                    for settings in &settings {
+                        cases.push(seen(typed, extent, settings, args)?);
+                    }
                 }
-                None => cases.push(seen(typed, extent, args)?),
             }
         }
         if let (true, Some(sheet)) = (crossover, bench::find(bench::SHEET)) {
@@ -152,6 +148,10 @@ fn shorten(cases: &mut [Case]) {
     }
 }
 
+fn refused(axis: Axis, reason: &str) -> Error {
+    Error::Usage(format!("--axis {}: {reason}", axis.name()))
+}
+
 fn generated(
     scene: &Named,
     extent: Extent,
@@ -160,9 +160,7 @@ fn generated(
 ) -> Result<Case> {
     let mut recipe = Recipe { seed, ..scene.recipe.clone() };
     for (axis, text) in settings {
-        recipe
-            .set(*axis, text)
-            .map_err(|reason| Error::Usage(format!("--axis {}: {reason}", axis.name())))?;
+        recipe.set(*axis, text).map_err(|reason| refused(*axis, &reason))?;
     }
     recipe.check().map_err(|reason| Error::Usage(format!("--axis: {reason}")))?;
     let label = Label {
@@ -174,7 +172,12 @@ fn generated(
     Ok(Case { label, alone: true, source: Source::Generated(recipe) })
 }
 
-fn seen(typed: &OsStr, extent: Extent, args: &BenchArgs) -> Result<Case> {
+fn seen(
+    typed: &OsStr,
+    extent: Extent,
+    settings: &[(Axis, String)],
+    args: &BenchArgs,
+) -> Result<Case> {
     let text = typed.to_string_lossy();
     let scene = SceneName::new(typed).map_err(|error| match error {
         Error::Input { .. } if !text.contains(['.', '/']) => Error::Usage(format!(
@@ -182,9 +185,22 @@ fn seen(typed: &OsStr, extent: Extent, args: &BenchArgs) -> Result<Case> {
         )),
         other => other,
     })?;
-    let view = View::new(scene, extent, &args.view)?;
+    let mut view = View::new(scene, extent, &args.view)?;
+    for (axis, text) in settings {
+        match axis {
+            Axis::Samples => view.samples = Axis::samples(text).map_err(|r| refused(*axis, &r))?,
+            _ => {
+                return Err(Error::Usage(format!(
+                    "--axis {} varies generated scenes, and `{}` is none \
+                     (tilewright bench --list names them)",
+                    axis.name(),
+                    typed.display()
+                )));
+            }
+        }
+    }
     let (scene, title) = (text.clone().into_owned(), text.into_owned());
-    let label = Label { scene, title, extent, settings: Vec::new() };
+    let label = Label { scene, title, extent, settings: settings.to_vec() };
     Ok(Case { label, alone: true, source: Source::Scene(view) })
 }
 
@@ -256,6 +272,27 @@ mod tests {
                 "sheet depth=2 area=full 9x9",
             ]
         );
+    }
+
+    #[test]
+    fn samples_and_targets_reach_the_pass() {
+        let line = ["large", "builtin:cube", "--axis", "samples=1,8", "--size", "8x8"];
+        assert_eq!(
+            names(&line),
+            [
+                "large samples=1 8x8",
+                "large samples=8 8x8",
+                "builtin:cube samples=1 8x8",
+                "builtin:cube samples=8 8x8",
+            ]
+        );
+        let passes = |line: &[&str]| -> Vec<(u32, usize)> {
+            let of = |pass: Pass| (pass.samples.count(), pass.colors.len());
+            cases_of(line).iter().map(|case| of(case.pass().unwrap())).collect()
+        };
+        assert_eq!(passes(&line), [(1, 1), (8, 1), (1, 1), (8, 1)]);
+        let line = ["--axis", "targets=1,3,8", "--axis", "samples=2", "--size", "8x8"];
+        assert_eq!(passes(&line), [(2, 1), (2, 3), (2, 8)]);
     }
 
     #[test]
