@@ -105,6 +105,8 @@ struct Piece {
     vec2 depth_limits;
     vec4 blend_constants;
     uvec2 stencil[2];
+    float line_width;
+    uint line_mode;
 };
 
 struct Attribute {
@@ -146,6 +148,8 @@ struct QuadPiece {
     vec2 depth_limits;
     vec4 blend_constants;
     uvec2 stencil[2];
+    float line_width;
+    uint line_mode;
 };
 
 // `Triangle` by pairs of words, one pair for each lane of a quad in either half.

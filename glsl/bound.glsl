@@ -8,6 +8,7 @@
 #include "abi.glsl"
 layout(constant_id = SPEC_ADJUSTED) const bool ADJUSTED = false;
 layout(constant_id = SPEC_DEPTH_BITS) const uint DEPTH_BITS = 0u;
+layout(constant_id = SPEC_PRIMITIVES) const uint PRIMITIVES = PRIMITIVE_KIND_TRIANGLE;
 #include "lib/depth.glsl"
 #include "lib/interpolate.glsl"
 #include "lib/key.glsl"
@@ -27,7 +28,7 @@ uint bound_piece = NONE;
 uint bound_resources = NONE;
 vec2 viewport_scale, viewport_offset; // in pixels
 uint first_in_draw, primitives_per_instance;
-uint piece_varyings, piece_vertices, varying_stride;
+uint piece_varyings, piece_vertices, varying_stride, line_mode;
 
 // The triangle that a quad shades, with the fields that shading needs.
 struct Bound {
@@ -35,11 +36,12 @@ struct Bound {
     vec3 plane; // depth at the pixel (0, 0), its change to the right and down
     vec3 adjustment;
     uint flags;
-    vec3 x, y, w; // clip-space positions of its vertices, the nearest first, times `scale`
+    vec3 x, y, w; // clip-space positions of its vertices, of a triangle the nearest first, times `scale`
     float scale;
+    float side; // of a point's square, in 1/256 pixel
 };
 
-Bound bound = Bound(0u, vec3(0.0), NO_ADJUSTMENT, 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0);
+Bound bound = Bound(0u, vec3(0.0), NO_ADJUSTMENT, 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0, 0.0);
 
 // Varyings, bound two locations at a time: the quad's first two lanes hold the words of the even location, two words
 // each, and its last two lanes those of the odd one. Each array has this lane's first word at the even location and
@@ -68,6 +70,7 @@ void bind(const uint piece) {
     piece_varyings = vertices.x;
     varying_stride = vertices.y;
     piece_vertices = vertices.z;
+    if (PRIMITIVES == PRIMITIVE_KIND_LINE) line_mode = pieces[piece].line_mode;
     if (numbers.w == bound_resources) return;
     bound_resources = numbers.w;
     tw_user_bind();
@@ -92,7 +95,13 @@ Bound bind_triangle(const uint key) {
     vec4 a = uintBitsToFloat(of_first_half(two)), b = uintBitsToFloat(of_second_half(two));
     vec4 c = uintBitsToFloat(of_first_half(third));
     vec3 w = vec3(a.w, b.w, c.w);
-    uint first = nearest(w);
+    // Of points and lines, the last vertex comes twice.
+    uint first = PRIMITIVES == PRIMITIVE_KIND_TRIANGLE ? nearest(w) : 0u;
+    float side = 0.0;
+    if (PRIMITIVES == PRIMITIVE_KIND_POINT) {
+        uvec2 x = triangles[key_triangle(key, batch.extra_first)].raster[0];
+        side = float(int(x.y - x.x));
+    }
     vec3 plane = uintBitsToFloat(fields.xyz);
     vec3 adjustment = NO_ADJUSTMENT;
     if (ADJUSTED && (vertices.w & TRIANGLE_ADJUSTED) != 0u) {
@@ -100,7 +109,7 @@ Bound bind_triangle(const uint key) {
         adjustment = vec3(bias, pieces[fields.w].depth_limits);
     }
     bound = Bound(key, plane, adjustment, vertices.w, corners_from(first, vec3(a.x, b.x, c.x)),
-                  corners_from(first, vec3(a.y, b.y, c.y)), corners_from(first, w), scale);
+                  corners_from(first, vec3(a.y, b.y, c.y)), corners_from(first, w), scale, side);
     bind(fields.w);
     uvec3 base = (piece_varyings + (vertices.xyz - piece_vertices) * varying_stride) >> 1;
     varying_base = corners_from(first, base);

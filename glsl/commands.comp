@@ -14,6 +14,7 @@
 #extension GL_KHR_shader_subgroup_basic : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "abi.glsl"
+#include "lib/assembly.glsl"
 
 layout(constant_id = SPEC_WIDTH) const uint SUBGROUP_WIDTH = 8u;
 layout(local_size_x_id = SPEC_WIDTH) in;
@@ -27,12 +28,6 @@ layout(scalar, binding = 3) writeonly buffer CommandArgs { uint command_args[]; 
 
 uint word_at(const uint slot, const uint byte) {
     return table[nonuniformEXT(slot + (byte >> WINDOW_LOG2))].words[(byte & ((1u << WINDOW_LOG2) - 1u)) >> 2];
-}
-
-// The primitives of `count` elements.
-uint primitives_of(const uint topology, const uint count) {
-    if (topology == TOPOLOGY_TRIANGLE_LIST) return count / 3u;
-    return count < 3u ? 0u : count - 2u;
 }
 
 // The part of a range of primitives up to `end` that lies in the batch or before it.

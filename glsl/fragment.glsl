@@ -15,6 +15,7 @@
 vec4 tw_FragCoord;
 bool tw_FrontFacing;
 int tw_PrimitiveID;
+vec2 tw_PointCoord;
 float tw_FragDepth;
 int tw_FragStencilRef;
 bool tw_HelperInvocation;
@@ -86,7 +87,13 @@ vec4 tw_input_noperspective(const in uint location) {
 // Sets the weights of the corners of `triangle` at `place`, with perspective and without. Returns w, scaled as the corners are.
 float weigh(const Bound triangle, const vec2 place, out vec3 with, out vec3 without) {
     vec2 ndc = (place + 0.5 - viewport_offset) / viewport_scale;
-    with = perspective_weights(triangle.x, triangle.y, triangle.w, ndc);
+    if (PRIMITIVES == PRIMITIVE_KIND_POINT) with = vec3(1.0, 0.0, 0.0);
+    else if (PRIMITIVES == PRIMITIVE_KIND_LINE) {
+        vec2 axis = (triangle.flags & TRIANGLE_STEEP) != 0u ? vec2(0.0, 1.0) : vec2(1.0, 0.0);
+        axis *= line_mode == LINE_MODE_BRESENHAM ? 1.0 : 0.0;
+        with = line_weights(triangle.x, triangle.y, triangle.w, ndc, viewport_scale, axis);
+    }
+    else with = perspective_weights(triangle.x, triangle.y, triangle.w, ndc);
     float w = interpolate(with, triangle.w);
     without = w != 0.0 ? with * triangle.w / w : vec3(1.0, 0.0, 0.0);
     return w;
@@ -167,6 +174,11 @@ uint shade(const Bound triangle, const ivec2 pixel, const uint mask, const uint 
     if (DEPTH_BITS != 0u) z = kept_depth(free);
     if (ADJUSTED && (triangle.flags & TRIANGLE_ADJUSTED) != 0u) z = free;
     tw_FragCoord = vec4(place + 0.5, z, depth_w != 0.0 ? triangle.scale / depth_w : 0.0);
+    tw_PointCoord = vec2(0.0);
+    if (PRIMITIVES == PRIMITIVE_KIND_POINT) {
+        vec2 centre = vec2(triangle.x.x, triangle.y.x) / triangle.w.x * viewport_scale + viewport_offset;
+        tw_PointCoord = 0.5 + (place + 0.5 - centre) * float(1u << SUBPIXEL_BITS) / triangle.side;
+    }
     tw_FragDepth = z;
     tw_FragStencilRef = int(stencil_reference);
     tw_FrontFacing = (triangle.flags & TRIANGLE_FRONT) != 0u;

@@ -28,38 +28,8 @@ layout(scalar, binding = 3) writeonly buffer Triangles { QuadTriangle triangles[
 layout(scalar, binding = 4) buffer CellCounts { uint cell_counts[]; };
 layout(scalar, binding = 5) writeonly buffer PrimitiveCells { uint primitive_cells[]; };
 
-// The piece that holds the batch's primitive `primitive`.
-uint piece_of_primitive(const uint primitive) {
-    uint low = batch.piece_first, high = batch.piece_first + batch.piece_count - 1u;
-    while (low < high) {
-        uint middle = (low + high + 1u) >> 1;
-        bool after = pieces[middle].first_primitive > primitive;
-        low = after ? low : middle;
-        high = after ? middle - 1u : high;
-    }
-    return low;
-}
-
-uvec3 vertex_slots(const Piece piece, const uint in_piece) {
-    if (piece.vertex_mode != VERTEX_RANGED) {
-        return piece.vertex_base + (piece.vertex_mode == VERTEX_PER_QUAD ? 4u : 3u) * in_piece + uvec3(0u, 1u, 2u);
-    }
-    uint q = piece.first_in_draw + in_piece;
-    uint instance = divide(q, piece.primitives_per_instance);
-    uvec3 element = assemble(piece.topology, q - instance * piece.primitives_per_instance);
-    uvec3 vertex = uvec3(fetch_index(piece, element.x), fetch_index(piece, element.y), fetch_index(piece, element.z));
-    // An index outside the range that the caller declared is some vertex of the range.
-    vertex = min(vertex - piece.vertex_min, uvec3(piece.vertices_per_instance - 1u));
-    return piece.vertex_base + (instance - piece.instance_min) * piece.vertices_per_instance + vertex;
-}
-
-ivec2 snap(const vec3 p) {
-    const float scale = float(1u << SUBPIXEL_BITS);
-    const int half_pixel = 1 << (SUBPIXEL_BITS - 1u);
-    // As devices round, whose samples are not in the centres.
-    if (batch.reach != 0) return ivec2(round_even(p.x * scale), round_even(p.y * scale)) - half_pixel;
-    return ivec2(round_even((p.x - 0.5) * scale), round_even((p.y - 0.5) * scale));
-}
+#include "shapes.glsl"
+#include "slots.glsl"
 
 void store_flags(const uint at, const uint flags) {
     triangles[at].shading[3].y = flags;
@@ -68,12 +38,19 @@ void store_flags(const uint at, const uint flags) {
 // Sets up one triangle, stores it at `at` with `more` among its flags, and returns the cell that lists it,
 // NONE or SEVERAL_CELLS. A triangle that draws nothing gets no TRIANGLE_VALID. It is stored only if it is
 // `part` of a clipped primitive or the batch is traced: half of a mesh shows its back, and large meshes are
-// limited by memory.
-uint set_up(const uint at, const bool part, const uint more, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c) {
-    ivec2 sa = snap(a), sb = snap(b), sc = snap(c);
+// limited by memory. If there is a `shape`, the triangle is the half `half_shape` of it, 1 or 2.
+uint set_up(const uint at, const bool part, const uint more, const Piece piece, const uint piece_index, const uvec3 slots, const vec3 a, const vec3 b, const vec3 c, const Shape shape, const uint half_shape) {
+    ivec2 sa = snap(a.xy), sb = snap(b.xy), sc = snap(c.xy);
+    bool shaped = half_shape != 0u;
+    if (shaped) {
+        sa = shape.corners[0];
+        sb = shape.corners[half_shape];
+        sc = shape.corners[half_shape + 1u];
+    }
     int turn = wide_sign(wide_subtract(wide_product(sb.x - sa.x, sc.y - sa.y), wide_product(sc.x - sa.x, sb.y - sa.y)));
-    bool front = (turn > 0) == (piece.front_face == FRONT_FACE_CLOCKWISE);
-    bool drawn = turn != 0 && piece.cull != (front ? CULL_FRONT : CULL_BACK);
+    bool front = shaped || (turn > 0) == (piece.front_face == FRONT_FACE_CLOCKWISE);
+    // Ends of a short line may have passed each other.
+    bool drawn = shaped ? turn > 0 : turn != 0 && piece.cull != (front ? CULL_FRONT : CULL_BACK);
     if (turn < 0) {
         ivec2 swap = sb;
         sb = sc;
@@ -89,13 +66,14 @@ uint set_up(const uint at, const bool part, const uint more, const Piece piece, 
         return NONE;
     }
 
-    vec3 plane = depth_plane(a, b, c, batch.reach != 0 ? 0.0 : 0.5);
+    vec3 plane = shape.plane;
+    [[dont_flatten]] if (!shaped) plane = depth_plane(a, b, c, batch.reach != 0 ? 0.0 : 0.5);
     uint adjusted = 0u;
     if ((piece.fragment_state & DEPTH_STATE_ADJUSTED) != 0u) {
-        float largest = max(abs(a.z), max(abs(b.z), abs(c.z)));
+        float largest = shaped ? 0.0 : max(abs(a.z), max(abs(b.z), abs(c.z)));
         adjusted = TRIANGLE_ADJUSTED | floatBitsToUint(largest) >> 23 << TRIANGLE_EXPONENT_SHIFT;
     }
-    uint flags = adjusted | TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
+    uint flags = adjusted | (shaped ? shape.flags : 0u) | TRIANGLE_VALID | (front ? TRIANGLE_FRONT : 0u) | (piece.cut != 0u ? TRIANGLE_CUT : 0u);
     uvec2 first = uvec2(low - ivec2(0, int(batch.origin_y))), last = uvec2(high - ivec2(0, int(batch.origin_y)));
     ivec3 x = ivec3(sa.x, sb.x, sc.x), y = ivec3(sa.y, sb.y, sc.y);
     uint level = cell_level(x, y, first, last, batch.origin_y, batch.reach);
@@ -132,6 +110,19 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec3 slots = vertex_slots(piece, primitive - piece.first_primitive);
     uvec4 a = window_positions[slots.x], b = window_positions[slots.y], c = window_positions[slots.z];
 
+    Shape shape;
+    shape.flags = 0u;
+    bool shaped = piece.topology >= TOPOLOGY_POINT_LIST;
+    [[dont_flatten]] if (shaped) {
+        if (!make_shape(piece, slots, a, b, shape)) {
+            store_nothing(primitive);
+            return NONE;
+        }
+        // Nothing is left to clip.
+        a.w = 0u;
+        b.w = 0u;
+        c.w = 0u;
+    }
     // A primitive that lies wholly outside one plane of the view volume draws nothing; it need not be clipped.
     uint planes = (piece.fragment_state & DEPTH_STATE_UNCLIPPED) == 0u ? OUT_PLANES : OUT_SIDES;
     uint code = (a.w | b.w | c.w) & (planes | OUT_BEHIND | OUT_UNUSABLE), count = 3u, made = 0u;
@@ -140,6 +131,7 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
         return NONE;
     }
     bool clipped = code != 0u;
+    if (shaped) count = 4u;
     vec4 corners[CLIP_CORNERS];
     if (clipped) {
         corners[0] = sanitized(positions[slots.x]);
@@ -167,7 +159,7 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
             uint part = i - 2u;
             uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
             uint more = part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u;
-            cell = set_up(at, count > 3u, more, piece, piece_index, slots, first, previous, next);
+            cell = set_up(at, count > 3u, more, piece, piece_index, slots, first, previous, next, shape, shaped ? part + 1u : 0u);
         }
         previous = next;
     }

@@ -26,7 +26,7 @@ layout(scalar, binding = 2) writeonly buffer Varyings { uvec4 varyings[]; };
 layout(scalar, binding = 4) readonly buffer ResourceSlots { uint resource_slots[]; };
 // Pieces in the order of their vertex slots.
 layout(scalar, binding = 5) readonly buffer Runs { uint runs[]; };
-// Window position as bits, and the outcode.
+// Window position as bits, and the outcode; of points, the side of their square comes above it.
 layout(scalar, binding = 6) writeonly buffer WindowPositions { uvec4 window_positions[]; };
 
 int tw_VertexIndex, tw_InstanceIndex, tw_BaseVertex, tw_BaseInstance, tw_DrawIndex;
@@ -149,8 +149,11 @@ void main() {
                 instance += piece.instance_min;
             } else {
                 bool in_quads = piece.vertex_mode == VERTEX_PER_QUAD;
-                uint corner = in_quads ? min(local & 3u, 2u) : local % 3u;
-                uint primitive = piece.first_in_draw + (in_quads ? local >> 2 : local / 3u);
+                // Divisions by constants, which are none.
+                uint corners = corners_of(piece.topology);
+                uint own = corners == 3u ? local / 3u : (corners == 2u ? local / 2u : local);
+                uint corner = in_quads ? min(local & 3u, 2u) : local - own * corners;
+                uint primitive = piece.first_in_draw + (in_quads ? local >> 2 : own);
                 instance = divide(primitive, piece.primitives_per_instance);
                 uvec3 element = assemble(piece.topology, primitive - instance * piece.primitives_per_instance);
                 vertex = fetch_index(piece, element[corner]);
@@ -167,7 +170,9 @@ void main() {
             tw_user_main();
             positions[slot] = tw_Position;
             vec4 p = sanitized(tw_Position);
-            window_positions[slot] = uvec4(floatBitsToUint(window_position(viewport, p, false)), outcode(p));
+            uint code = outcode(p);
+            if (piece.topology == TOPOLOGY_POINT_LIST) code |= point_side(tw_PointSize) << OUT_SIDE_SHIFT;
+            window_positions[slot] = uvec4(floatBitsToUint(window_position(viewport, p, false)), code);
         }
     }
 }

@@ -87,6 +87,8 @@ shared_constants! {
     pub const SPEC_POSITIONS_3: u32 = 14;
     /// Specialization constant: whether a fragment shader runs for each sample.
     pub const SPEC_PER_SAMPLE: u32 = 15;
+    /// Specialization constant: the `PrimitiveKind` whose fragments are shaded.
+    pub const SPEC_PRIMITIVES: u32 = 19;
     /// Specialization constant: whether there may be a stencil test.
     pub const SPEC_STENCIL: u32 = 18;
     /// Specialization constant: whether alpha may say which samples are covered, or be 1 whatever shaders return.
@@ -167,6 +169,8 @@ shared_constants! {
     pub const TRIANGLE_EXTRA_SHIFT: u32 = 8;
     /// [`Triangle::flags`]: bits of that number.
     pub const TRIANGLE_EXTRA_BITS: u32 = 4;
+    /// [`Triangle::flags`]: it is half of a Bresenham line that is rather steep.
+    pub const TRIANGLE_STEEP: u32 = 4096;
     /// [`Triangle::flags`]: first of eight bits, the exponent of the largest depth of its corners if they are adjusted.
     pub const TRIANGLE_EXPONENT_SHIFT: u32 = 16;
 
@@ -437,6 +441,10 @@ pub struct Piece {
     /// The stencil test of front faces, then of back faces, two words each, at `STENCIL_*`: comparison and operations, reference
     /// and masks. Without a test, all fragments pass and nothing changes.
     pub stencil: [[u32; 2]; 2],
+    /// Of lines, in pixels.
+    pub line_width: f32,
+    /// A `LineMode`.
+    pub line_mode: u32,
 }
 
 /// The memory that one input location of a vertex shader reads.

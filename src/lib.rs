@@ -121,6 +121,7 @@ pub mod state;
 pub mod stencil;
 pub mod target;
 pub mod texture;
+mod topology;
 #[doc(hidden)]
 pub mod trace;
 pub mod vk;

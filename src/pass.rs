@@ -8,11 +8,12 @@
 
 use crate::{
     format::Format,
-    image::{Extent, Picture},
+    image::Extent,
     samples::Samples,
     shader::Shader,
     state::{
-        ColorState, Cull, DepthBias, DepthState, FrontFace, LogicOp, Rect, Topology, Viewport,
+        ColorState, Cull, DepthBias, DepthState, FrontFace, LineMode, LogicOp, PrimitiveKind, Rect,
+        Topology, Viewport,
     },
     stencil::StencilState,
     target::{ColorTarget, DepthTarget, StencilTarget},
@@ -23,6 +24,7 @@ use bytemuck::{Pod, Zeroable};
 use std::{ops::RangeInclusive, sync::Arc};
 
 mod buffer;
+mod frame;
 mod indices;
 mod indirect;
 mod setters;
@@ -32,6 +34,7 @@ mod vertex;
 mod written;
 
 pub use buffer::{BufferRange, BufferSource};
+pub use frame::{Executor, Frame};
 pub use indices::IndexRanges;
 pub(crate) use validate::{Known, check_color_targets, check_outputs, check_samples};
 pub use vertex::{StepRate, VertexAttribute, VertexBinding};
@@ -55,7 +58,11 @@ pub struct Pipeline {
     pub vertex_attributes: Vec<VertexAttribute>,
     /// Primitive assembly.
     pub topology: Topology,
-    /// Faces that are not drawn.
+    /// The width of lines in pixels, up to 1024.
+    pub line_width: f32,
+    /// What lines cover.
+    pub line_mode: LineMode,
+    /// Faces of triangles that are not drawn.
     pub cull: Cull,
     /// Which winding is the front.
     pub front_face: FrontFace,
@@ -104,6 +111,8 @@ impl Pipeline {
             vertex_bindings: Vec::new(),
             vertex_attributes: Vec::new(),
             topology: Topology::default(),
+            line_width: 1.0,
+            line_mode: LineMode::default(),
             cull: Cull::default(),
             front_face: FrontFace::default(),
             depth: DepthState::default(),
@@ -137,7 +146,12 @@ impl Pipeline {
 
     /// Whether depths of the fragments of `draw` get a bias or limits of their own.
     pub(crate) fn adjusts_depth(&self, draw: &Draw) -> bool {
-        draw.depth_bias.is_some() || self.adjusts_depths()
+        self.biases(draw) || self.adjusts_depths()
+    }
+
+    /// Whether depths of `draw` get a bias, which those of points and lines do not.
+    fn biases(&self, draw: &Draw) -> bool {
+        draw.depth_bias.is_some() && self.topology.kind() == PrimitiveKind::Triangle
     }
 
     /// Whether the fragment shader runs for each sample.
@@ -452,45 +466,4 @@ impl Pass {
     pub(crate) fn row_bytes(&self) -> usize {
         self.colors.iter().map(|color| color.format.row_bytes()).sum()
     }
-}
-
-/// The targets of a [`Pass`] that are stored, as a device executor returns them.
-#[derive(Clone, Debug)]
-#[non_exhaustive]
-pub struct Frame {
-    /// The colour targets that are stored, in the order of the pass.
-    pub colors: Vec<Picture>,
-    /// The depth target, if it is stored.
-    pub depth: Option<Picture>,
-    /// The stencil target, if it is stored.
-    pub stencil: Option<Picture>,
-}
-
-impl Frame {
-    /// These pictures, and no stencil values.
-    pub fn new(colors: Vec<Picture>, depth: Option<Picture>) -> Self {
-        Self { colors, depth, stencil: None }
-    }
-
-    setters! {
-        ;
-        into
-        stencil: Option<Picture>,
-    }
-
-    /// The first colour target that is stored, if there is one.
-    pub fn into_color(self) -> Option<Picture> {
-        self.colors.into_iter().next()
-    }
-}
-
-/// Something that makes pictures of passes on a device.
-pub trait Executor {
-    /// Executes `pass` and returns its targets.
-    ///
-    /// # Errors
-    /// [`crate::Error::Usage`] if the pass contradicts itself ([`Pass::validate`]),
-    /// [`crate::Error::Capacity`] if it does not fit the device, [`crate::Error::Lost`] if the device
-    /// did not answer.
-    fn render(&mut self, pass: &Pass) -> crate::Result<Frame>;
 }

@@ -1,37 +1,6 @@
 //! Fixed-function state of a pipeline, in Vulkan's terms: plain data, no Vulkan types.
 
-shared_enum! {
-    /// How vertices become primitives.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-    #[non_exhaustive]
-    pub enum Topology {
-        /// Three vertices each.
-        #[default]
-        TriangleList = 0,
-        /// Each vertex after the second makes a triangle with the two before it.
-        TriangleStrip = 1,
-        /// Each vertex after the second makes a triangle with the one before it and the first.
-        TriangleFan = 2,
-    }
-}
-
-impl Topology {
-    /// Primitives assembled from `vertices` vertices.
-    pub const fn primitives(self, vertices: u32) -> u32 {
-        match self {
-            Topology::TriangleList => vertices / 3,
-            Topology::TriangleStrip | Topology::TriangleFan => vertices.saturating_sub(2),
-        }
-    }
-
-    /// Vertices that `primitives` are assembled from, at least one of them.
-    pub(crate) const fn elements(self, primitives: u32) -> u32 {
-        match self {
-            Topology::TriangleList => 3 * primitives,
-            Topology::TriangleStrip | Topology::TriangleFan => primitives + 2,
-        }
-    }
-}
+pub use super::topology::{LineMode, PrimitiveKind, Topology};
 
 shared_enum! {
     /// Which faces are not drawn.

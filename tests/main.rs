@@ -25,6 +25,7 @@ mod kept;
 mod kernels;
 mod known_issues;
 mod large;
+mod lines;
 mod live;
 mod mutation;
 mod parity;

@@ -17,7 +17,9 @@ use tilewright::{
     reference,
     scene::{PassOptions, Scene},
     shader::{Shader, Stage},
-    state::{Blend, Compare, Cull, DepthBias, DepthState, FrontFace, Rect, Topology, Viewport},
+    state::{
+        Blend, Compare, Cull, DepthBias, DepthState, FrontFace, LineMode, Rect, Topology, Viewport,
+    },
     stencil::{StencilFace, StencilOp, StencilState},
     target::{ColorTarget, DepthTarget, LoadOp, StencilTarget},
     trace::{Trace, Vertex},
@@ -123,11 +125,13 @@ pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
         };
         pass.samples = [Samples::One, several][random.below(2)];
     }
-    if random.below(3) == 0 {
+    // Drivers compile kernels of their own for stencil tests, and for points and lines: these are not in one pass.
+    let kind = random.below(4);
+    if kind == 0 {
         pass.stencil = Some(StencilTarget::cleared(random.below(4) as u8));
     }
     for (draw, pipeline) in pass.draws.iter_mut().zip(&mut pass.pipelines) {
-        if random.below(2) == 0 {
+        if kind == 0 {
             let op = |random: &mut Random| StencilOp::ALL[random.below(StencilOp::ALL.len())];
             let mut face = || {
                 let face = StencilFace::new(Compare::ALL[random.below(8)]);
@@ -147,6 +151,14 @@ pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
             let state = StencilState::new(front).back(back);
             *pipeline = Arc::new((**pipeline).clone().stencil(state));
             draw.stencil_reference = [random.below(5) as u8, random.below(5) as u8];
+        }
+        if kind == 1 && random.below(2) == 0 {
+            let topologies = [Topology::PointList, Topology::LineList, Topology::LineStrip];
+            let width = [1.0, 1.0 + 8.0 * random.unit()][random.below(2)];
+            let mode = LineMode::ALL[random.below(2)];
+            let topology = topologies[random.below(3)];
+            let made = (**pipeline).clone().topology(topology).line_mode(mode).line_width(width);
+            *pipeline = Arc::new(made);
         }
         if random.below(6) == 0 {
             let depths = [(); 2].map(|()| [0.0, 0.5, 1.0, random.unit()][random.below(4)]);

@@ -2,10 +2,27 @@
 #ifndef ASSEMBLY_GLSL
 #define ASSEMBLY_GLSL
 
-// The provoking vertex comes first; strips swap two of every other triangle to keep the winding.
+// The number of vertices of a primitive.
+uint corners_of(const uint topology) {
+    if (topology < TOPOLOGY_POINT_LIST) return PRIMITIVE_KIND_TRIANGLE;
+    return topology == TOPOLOGY_POINT_LIST ? PRIMITIVE_KIND_POINT : PRIMITIVE_KIND_LINE;
+}
+
+// The provoking vertex comes first; strips swap two of every other triangle to keep the winding. Points and lines repeat
+// their last vertex.
 uvec3 assemble(const uint topology, const uint k) {
     if (topology == TOPOLOGY_TRIANGLE_LIST) return 3u * k + uvec3(0u, 1u, 2u);
     if (topology == TOPOLOGY_TRIANGLE_STRIP) return k + uvec3(0u, 1u + (k & 1u), 2u - (k & 1u));
-    return uvec3(k + 1u, k + 2u, 0u);
+    if (topology == TOPOLOGY_TRIANGLE_FAN) return uvec3(k + 1u, k + 2u, 0u);
+    if (topology == TOPOLOGY_POINT_LIST) return uvec3(k);
+    return (topology == TOPOLOGY_LINE_LIST ? 2u * k : k) + uvec3(0u, 1u, 1u);
+}
+
+// The primitives of `count` elements.
+uint primitives_of(const uint topology, const uint count) {
+    uint corners = corners_of(topology);
+    if (topology == TOPOLOGY_TRIANGLE_LIST) return count / 3u;
+    if (topology == TOPOLOGY_LINE_LIST) return count / 2u;
+    return count < corners ? 0u : count - corners + 1u;
 }
 #endif

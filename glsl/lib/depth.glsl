@@ -16,6 +16,14 @@ float settled(const float a) {
     return abs(a) < 1.0 / 18446744073709551616.0 ? 0.0 : a;
 }
 
+// A plane, or that of the depth `z` if its numbers are too large.
+vec3 usable_plane(const vec3 plane, const float z) {
+    // Not-a-number compares as unusable; beyond the bound `multiply_add` may overflow.
+    bool usable = all(lessThan(abs(plane), vec3(18446744073709551616.0)));
+    vec3 used = usable ? plane : vec3(0.0, 0.0, z);
+    return vec3(settled(used.x), settled(used.y), settled(used.z));
+}
+
 // Change of depth per pixel to the right and down, and the depth at the centre of the pixel (0, 0),
 // from window positions. If pixels have several samples, `start` is 0 for the corner of that pixel, and else 0.5. A triangle without area before snapping has the depth of its first corner.
 vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c, const float start) {
@@ -26,10 +34,7 @@ vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c, const float start) {
     vec2 gradient = vec2(ab.z * ca_scaled.y - ca.z * ab_scaled.y, ca.z * ab_scaled.x - ab.z * ca_scaled.x);
     float z = a.z - (gradient.x * (a.x - start) + gradient.y * (a.y - start));
     vec3 plane = vec3(gradient, z);
-    // Not-a-number compares as unusable; beyond the bound `multiply_add` may overflow.
-    bool usable = flush(area) != 0.0 && all(lessThan(abs(plane), vec3(18446744073709551616.0)));
-    plane = usable ? plane : vec3(0.0, 0.0, a.z);
-    return vec3(settled(plane.x), settled(plane.y), settled(plane.z));
+    return usable_plane(flush(area) != 0.0 ? plane : vec3(0.0, 0.0, a.z), a.z);
 }
 
 // What is added to the depths of a triangle (Vulkan 1.3, "Depth Bias"), from the constant factor, the slope factor and

@@ -40,6 +40,25 @@ float exact_divide(const float a, const float b) {
     return (ua & 0x7f800000u) == 0u ? 0.0 : uintBitsToFloat(bits | sign);
 }
 
+// The root of `a`, which is normal and positive, rounded to nearest. The device's own root is a guess whose last bits an integer
+// remainder corrects.
+float exact_sqrt(const float a) {
+    uint bits = floatBitsToUint(a), exponent = bits >> 23, mantissa = (bits & 0x7fffffu) | 0x800000u;
+    // a = mantissa * 2^(exponent - 150) = (mantissa << shift) * 4^half, and the root of the integer has 25 bits.
+    uint shift = 26u - (exponent & 1u);
+    int halved = (int(exponent) - 150 - int(shift)) / 2;
+    // 12 less than the guess is surely below, and the remainder modulo 2^32 is then the true one.
+    uint root = uint(sqrt(float(int(mantissa)) * float(1u << shift))) - 12u;
+    uint remainder = (mantissa << shift) - root * root;
+    for (uint n = 0u; n < 32u && remainder > 2u * root; n++) {
+        remainder -= 2u * root + 1u;
+        root += 1u;
+    }
+    uint rounded = root >> 1;
+    rounded += root & (rounded | (remainder != 0u ? 1u : 0u)) & 1u;
+    return uintBitsToFloat((uint(halved + 151) << 23) + rounded - 0x800000u);
+}
+
 // a * b + c with the product's and the sum's rounding errors added back: a fused multiply-add but
 // for double rounding in rare ties. Products by Dekker, sums by Knuth.
 float multiply_add(const float a, const float b, const float c) {

@@ -42,6 +42,23 @@ vec3 perspective_weights(const vec3 x, const vec3 y, const vec3 w, const vec2 nd
     return abs(sum) > 1.0 / 1125899906842624.0 ? weights / sum : vec3(1.0, 0.0, 0.0);
 }
 
+// The weights of the ends of a line at `ndc`, in the same way: the ends are corners 0 and 1. They are those of the nearest place on
+// the line, beyond its ends too, or those of the place in the same column or row, if `axis` is that of x or y and not 0.
+// `scale` is the viewport's: distances are those in pixels.
+vec3 line_weights(const vec3 x, const vec3 y, const vec3 w, const vec2 ndc, const vec2 scale, const vec2 axis) {
+    vec2 a = vec2(x.x, y.x) * scale, b = vec2(x.y, y.y) * scale;
+    // Along the line, also if an end is behind the eye.
+    float largest = max(abs(w.x), abs(w.y));
+    vec2 way = b * (w.x / largest) - a * (w.y / largest);
+    vec2 size = abs(way);
+    float longest = max(size.x, size.y);
+    if (axis != vec2(0.0)) way *= axis;
+    way = longest > 0.0 ? way / longest : vec2(0.0);
+    float at = dot(ndc * scale, way);
+    float to_a = at * w.y - dot(b, way), to_b = dot(a, way) - at * w.x, sum = to_a + to_b;
+    return abs(sum) > 1.0 / 1125899906842624.0 ? vec3(to_a, to_b, 0.0) / sum : vec3(1.0, 0.0, 0.0);
+}
+
 // The bits of an attribute at corner 0, and of its differences to corners 1 and 2. The difference of equal bits is 0,
 // also if both are infinity.
 uvec3 differences(const uvec3 corners) {

@@ -12,6 +12,15 @@ const uint OUT_PLANES = OUT_BEHIND - 1u;
 // All planes but the near and the far one.
 const uint OUT_SIDES = 15u;
 
+// First bit of the side of a point's square, which has the bits above those of the outcode.
+const uint OUT_SIDE_SHIFT = CLIP_PLANES + 2u;
+
+// The side of a point's square in 1/256 pixel: 1 to 256 pixels.
+uint point_side(const float size) {
+    const float scale = float(1u << SUBPIXEL_BITS);
+    return size > 1.0 ? uint(round_even(min(size, 256.0) * scale)) : 1u << SUBPIXEL_BITS;
+}
+
 // A viewport: pixels and depth = normalized device coordinates * scale + offset.
 struct Viewport {
     vec3 scale;

@@ -52,6 +52,7 @@ void main() {
         dot(in_instance_x, local), dot(in_instance_y, local), dot(in_instance_z, local), 1.0);
     precise vec4 clip = draw.clip * placed;
     gl_Position = clip;
+    gl_PointSize = 1.0;
 
     mat3 to_viewer = mat3(frame.to_viewer_x.xyz, frame.to_viewer_y.xyz, frame.to_viewer_w.xyz);
     out_to_viewer = to_viewer * clip.xyw;

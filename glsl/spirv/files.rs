@@ -46,6 +46,8 @@ pub const FILES: &[(&str, &str)] = &[
     ("resolve.comp", include_str!("../resolve.comp")),
     ("shade.comp", include_str!("../shade.comp")),
     ("shade_lists.glsl", include_str!("../shade_lists.glsl")),
+    ("shapes.glsl", include_str!("../shapes.glsl")),
+    ("slots.glsl", include_str!("../slots.glsl")),
     ("targets.glsl", include_str!("../targets.glsl")),
     ("vertex.comp", include_str!("../vertex.comp")),
 ];

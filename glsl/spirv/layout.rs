@@ -38,6 +38,7 @@ const _: () = assert!(abi::SPEC_POSITIONS_1 == 12, "SPEC_POSITIONS_1 has changed
 const _: () = assert!(abi::SPEC_POSITIONS_2 == 13, "SPEC_POSITIONS_2 has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_POSITIONS_3 == 14, "SPEC_POSITIONS_3 has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_PER_SAMPLE == 15, "SPEC_PER_SAMPLE has changed: run `cargo spirv`");
+const _: () = assert!(abi::SPEC_PRIMITIVES == 19, "SPEC_PRIMITIVES has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_STENCIL == 18, "SPEC_STENCIL has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_BY_ALPHA == 17, "SPEC_BY_ALPHA has changed: run `cargo spirv`");
 const _: () = assert!(abi::SPEC_RESOLVE_MODE == 16, "SPEC_RESOLVE_MODE has changed: run `cargo spirv`");
@@ -73,6 +74,7 @@ const _: () = assert!(abi::TRIANGLE_ADJUSTED == 8, "TRIANGLE_ADJUSTED has change
 const _: () = assert!(abi::TRIANGLE_LEVEL_SHIFT == 4, "TRIANGLE_LEVEL_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXTRA_SHIFT == 8, "TRIANGLE_EXTRA_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXTRA_BITS == 4, "TRIANGLE_EXTRA_BITS has changed: run `cargo spirv`");
+const _: () = assert!(abi::TRIANGLE_STEEP == 4096, "TRIANGLE_STEEP has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXPONENT_SHIFT == 16, "TRIANGLE_EXPONENT_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::SECOND_SOURCE == 256, "SECOND_SOURCE has changed: run `cargo spirv`");
 const _: () = assert!(abi::MAX_COLORS == 8, "MAX_COLORS has changed: run `cargo spirv`");
@@ -175,6 +177,14 @@ const _: () = assert!(format::Format::D32FloatS8Uint as u32 == 86, "Format::D32F
 const _: () = assert!(state::Topology::TriangleList as u32 == 0, "Topology::TriangleList has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleStrip as u32 == 1, "Topology::TriangleStrip has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleFan as u32 == 2, "Topology::TriangleFan has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::PointList as u32 == 3, "Topology::PointList has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::LineList as u32 == 4, "Topology::LineList has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::LineStrip as u32 == 5, "Topology::LineStrip has changed: run `cargo spirv`");
+const _: () = assert!(state::PrimitiveKind::Point as u32 == 1, "PrimitiveKind::Point has changed: run `cargo spirv`");
+const _: () = assert!(state::PrimitiveKind::Line as u32 == 2, "PrimitiveKind::Line has changed: run `cargo spirv`");
+const _: () = assert!(state::PrimitiveKind::Triangle as u32 == 3, "PrimitiveKind::Triangle has changed: run `cargo spirv`");
+const _: () = assert!(state::LineMode::Rectangular as u32 == 0, "LineMode::Rectangular has changed: run `cargo spirv`");
+const _: () = assert!(state::LineMode::Bresenham as u32 == 1, "LineMode::Bresenham has changed: run `cargo spirv`");
 const _: () = assert!(state::Cull::None as u32 == 0, "Cull::None has changed: run `cargo spirv`");
 const _: () = assert!(state::Cull::Front as u32 == 1, "Cull::Front has changed: run `cargo spirv`");
 const _: () = assert!(state::Cull::Back as u32 == 2, "Cull::Back has changed: run `cargo spirv`");
@@ -327,7 +337,9 @@ const _: () = assert!(std::mem::offset_of!(abi::Piece, depth_bounds) == 188, "Pi
 const _: () = assert!(std::mem::offset_of!(abi::Piece, depth_limits) == 196, "Piece.depth_limits differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, blend_constants) == 204, "Piece.blend_constants differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Piece, stencil) == 220, "Piece.stencil differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
-const _: () = assert!(std::mem::size_of::<abi::Piece>() == 236, "Piece has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Piece, line_width) == 236, "Piece.line_width differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::offset_of!(abi::Piece, line_mode) == 240, "Piece.line_mode differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
+const _: () = assert!(std::mem::size_of::<abi::Piece>() == 244, "Piece has another size in glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, x) == 0, "Triangle.x differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, bounds_min) == 12, "Triangle.bounds_min differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");
 const _: () = assert!(std::mem::offset_of!(abi::Triangle, y) == 16, "Triangle.y differs between src/abi.rs and glsl/abi.glsl; if both have changed, run `cargo spirv`");

@@ -21,17 +21,22 @@ mod state;
 #[allow(dead_code)]
 #[path = "../../src/stencil.rs"]
 mod stencil;
+#[allow(dead_code)]
+#[path = "../../src/topology.rs"]
+mod topology;
 
 use std::fmt::Write as _;
 
 /// The modules that share constants with GLSL, with the name and the number of each constant.
-fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 13] {
+fn shared() -> [(&'static str, &'static [(&'static str, u32)]); 15] {
     [
         ("abi", abi::CONSTANTS),
         ("format", format::Numeric::NUMBERS),
         ("format", format::Packing::NUMBERS),
         ("format", format::Format::NUMBERS),
         ("state", state::Topology::NUMBERS),
+        ("state", state::PrimitiveKind::NUMBERS),
+        ("state", state::LineMode::NUMBERS),
         ("state", state::Cull::NUMBERS),
         ("state", state::FrontFace::NUMBERS),
         ("state", state::Compare::NUMBERS),

@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `layout` | descriptor set layouts merged from the reflection of both stages |
 //! | `pipeline` | `VkPipeline` from a [`Pipeline`](crate::pass::Pipeline) |
+//! | `primitives` | its topology, and its lines |
 //! | `bindings` | descriptor sets from binding sets |
 //! | `prepared` | recorded draws, reading back |
 //! | `target` | target images, load and store operations |
@@ -22,6 +23,7 @@ mod blend;
 mod layout;
 mod pipeline;
 mod prepared;
+mod primitives;
 mod stencil;
 mod target;
 

@@ -3,6 +3,7 @@
 use super::{
     blend::{blend_state, logic_op},
     layout::Layout,
+    primitives::{line_state, line_width, of_lines, primitive_topology},
     stencil::stencil_state,
     target::depth_stencil_format,
 };
@@ -12,7 +13,7 @@ use crate::{
     pass::{Pass, Pipeline, StepRate, VertexAttribute},
     samples::Samples,
     shader::{Resource, Shader, Varying},
-    state::{Cull, FrontFace, Topology},
+    state::{Cull, FrontFace},
     vk::{Gpu, compare_op, missing_feature, vertex_format, vk_format},
 };
 use ash::vk;
@@ -90,6 +91,8 @@ impl Key {
             vertex_bindings,
             vertex_attributes,
             topology,
+            line_width,
+            line_mode,
             cull,
             front_face,
             depth,
@@ -104,7 +107,7 @@ impl Key {
             sample_shading,
         } = &*self.0;
         let state = (
-            topology,
+            (topology, line_width.to_bits(), line_mode),
             cull,
             front_face,
             (depth, stencil),
@@ -326,12 +329,8 @@ fn create(
         0 => vertex_input,
         _ => vertex_input.push_next(&mut divisors),
     };
-    let assembly =
-        vk::PipelineInputAssemblyStateCreateInfo::default().topology(match pipeline.topology {
-            Topology::TriangleList => vk::PrimitiveTopology::TRIANGLE_LIST,
-            Topology::TriangleStrip => vk::PrimitiveTopology::TRIANGLE_STRIP,
-            Topology::TriangleFan => vk::PrimitiveTopology::TRIANGLE_FAN,
-        });
+    let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
+        .topology(primitive_topology(pipeline.topology));
     let viewport =
         vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
     let raster = vk::PipelineRasterizationStateCreateInfo::default()
@@ -346,12 +345,18 @@ fn create(
             FrontFace::Clockwise => vk::FrontFace::CLOCKWISE,
         })
         .depth_clamp_enable(pipeline.depth_clamp)
-        .line_width(1.0);
+        .line_width(line_width(pipeline));
     let mut clip = vk::PipelineRasterizationDepthClipStateCreateInfoEXT::default()
         .depth_clip_enable(pipeline.clips_depth());
     let raster = match pipeline.clips_depth() == pipeline.depth_clamp {
         true => raster.push_next(&mut clip),
         false => raster,
+    };
+    let limits = &gpu.0.draw_limits;
+    let mut lines = line_state(pipeline, limits);
+    let raster = match &mut lines {
+        Some(lines) => raster.push_next(lines),
+        None => raster,
     };
     let sample_mask = [pipeline.sample_mask];
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
@@ -378,7 +383,6 @@ fn create(
             )));
         }
     }
-    let limits = &gpu.0.draw_limits;
     let has_second = pipeline.has_second_source(variant.colors.len());
     let clips_apart = pipeline.clips_depth() == pipeline.depth_clamp;
     let wanted = [
@@ -399,7 +403,8 @@ fn create(
             "switch of its own for depth clipping (depthClipEnable)",
         ),
     ];
-    if let Some((.., lacking)) = wanted.iter().find(|(wanted, offered, _)| *wanted && !offered) {
+    let mut wanted = wanted.into_iter().chain(of_lines(pipeline, limits));
+    if let Some((.., lacking)) = wanted.find(|(wanted, offered, _)| *wanted && !offered) {
         return Err(Error::Device(format!(
             "pipeline `{}`: {} itself has no {lacking}; the compute executor does",
             pipeline.label,

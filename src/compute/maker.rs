@@ -219,6 +219,7 @@ impl Maker {
             ("FORMATS", formats),
             ("MORE_FORMATS", more),
             ("PER_SAMPLE", per_sample.into()),
+            ("PRIMITIVES", key.primitives as u32),
         ];
         constants.extend(fragments.constants());
         constants

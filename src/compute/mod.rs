@@ -64,6 +64,7 @@ use crate::{
     pass::{Executor, Frame, Known, Pass},
     plan::{KernelKey, Plan, Planner, depth_mode},
     shader::{Shader, Stage},
+    state::PrimitiveKind,
     trace::Trace,
     vk::{Arena, Cached, CallerCommands, Copies, Gpu, Recorder, Resources},
 };
@@ -309,6 +310,7 @@ impl Renderer {
             read: u32::MAX,
             per_sample: false,
             by_alpha: false,
+            primitives: PrimitiveKind::Triangle,
         });
         self.kernels.next_pass();
         match shader.stage {

@@ -178,9 +178,12 @@ impl Names<'_> {
             let instance = piece.instance_min + local / piece.vertices_per_instance;
             (instance, piece.vertex_min + local % piece.vertices_per_instance)
         } else {
-            let primitive = piece.first_in_draw + local / 3;
+            let all = Topology::ALL.iter();
+            let topology = all.copied().find(|topology| *topology as u32 == piece.topology);
+            let corners = topology.map_or(3, |topology| topology.kind() as u32);
+            let primitive = piece.first_in_draw + local / corners;
             let elements = elements(piece.topology, primitive % piece.primitives_per_instance);
-            let vertex = self.index(piece, elements[local as usize % 3]);
+            let vertex = self.index(piece, elements[(local % corners) as usize]);
             (primitive / piece.primitives_per_instance, vertex)
         };
         Vertex {
@@ -214,8 +217,13 @@ fn elements(topology: u32, k: u32) -> [u32; 3] {
         [3 * k, 3 * k + 1, 3 * k + 2]
     } else if topology == Topology::TriangleStrip as u32 {
         [k, k + 1 + k % 2, k + 2 - k % 2]
-    } else {
+    } else if topology == Topology::TriangleFan as u32 {
         [k + 1, k + 2, 0]
+    } else if topology == Topology::PointList as u32 {
+        [k; 3]
+    } else {
+        let first = if topology == Topology::LineList as u32 { 2 * k } else { k };
+        [first, first + 1, first + 1]
     }
 }
 

@@ -9,8 +9,8 @@ use crate::{
     samples::Samples,
     shader::Shader,
     state::{
-        Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, LogicOp, Rect, Topology,
-        Viewport,
+        Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, LineMode, LogicOp, Rect,
+        Topology, Viewport,
     },
     stencil::StencilState,
     target::{ColorTarget, DepthTarget, StencilTarget},
@@ -46,6 +46,8 @@ impl Pass {
 impl Pipeline {
     setters! {
         topology: Topology,
+        line_width: f32,
+        line_mode: LineMode,
         cull: Cull,
         front_face: FrontFace,
         depth: DepthState,

@@ -7,7 +7,7 @@ use crate::{
     format::{Format, Numeric},
     pass::{Draw, Pass, Pipeline, StepRate, VertexAttribute},
     samples::Samples,
-    state::{BlendEquation, ColorState, Compare, DepthState, LogicOp, Topology},
+    state::{BlendEquation, ColorState, Compare, DepthState, LogicOp, PrimitiveKind, Topology},
     stencil::StencilFace,
 };
 use std::ops::Range;
@@ -206,6 +206,7 @@ impl Planning<'_> {
                 },
             depth_bias: draw
                 .depth_bias
+                .filter(|_| pipeline.topology.kind() == PrimitiveKind::Triangle)
                 .map_or([0.0; 3], |bias| [bias.constant, bias.slope, bias.clamp]),
             color_states: std::array::from_fn(|target| {
                 let format = self.pass.colors.get(target).map(|color| color.format);
@@ -219,6 +220,8 @@ impl Planning<'_> {
             },
             blend_constants: draw.blend_constants,
             stencil: stencil_states(self.pass, pipeline, draw),
+            line_width: pipeline.line_width,
+            line_mode: pipeline.line_mode as u32,
             ..Piece::default()
         }))
     }
@@ -266,7 +269,7 @@ impl Planning<'_> {
             0..per_instance
         };
         let count = primitives.end - primitives.start;
-        let per_corner = 3 * u64::from(count);
+        let per_corner = pipeline.topology.kind() as u64 * u64::from(count);
         let piece = Piece { first_in_draw: primitives.start, ..template };
         // Vertex slots of a range of vertices, for each instance.
         let ranged = self.vertex_range(draw, pipeline.topology, within).map(|(low, high)| {
@@ -301,6 +304,9 @@ impl Planning<'_> {
         within: Range<u32>,
     ) -> Option<(u32, u32)> {
         let elements = match topology {
+            Topology::PointList => within,
+            Topology::LineList => 2 * within.start..2 * within.end,
+            Topology::LineStrip => within.start..within.end + 1,
             Topology::TriangleList => 3 * within.start..3 * within.end,
             Topology::TriangleStrip => within.start..within.end + 2,
             Topology::TriangleFan => within.start + 1..within.end + 2,

@@ -1,12 +1,12 @@
 //! What follows from a pipeline alone: its kernels, and how it is drawn.
 
-use super::{KernelKey, Method, Stencil};
+use super::{KernelKey, Method};
 use crate::{
     abi,
     pass::{Pass, Pipeline, StepRate, VertexAttribute, VertexBinding},
     samples::Samples,
     shader::{Reflection, Shader, Varying},
-    state::{Compare, LogicOp},
+    state::{Compare, LogicOp, PrimitiveKind},
     stencil::StencilState,
 };
 use std::sync::Arc;
@@ -26,7 +26,8 @@ impl Facts {
             let all = pipeline.specialization.iter();
             all.filter(|(id, _)| ids.contains(id)).copied().collect()
         };
-        let key = |shader: &Arc<Shader>, attributes, read, (per_sample, by_alpha)| {
+        let key = |shader: &Arc<Shader>, attributes, read, of_fragments| {
+            let (per_sample, by_alpha, primitives) = of_fragments;
             Arc::new(KernelKey {
                 shader: shader.clone(),
                 specialization: own(&shader.reflection.specialization),
@@ -34,10 +35,11 @@ impl Facts {
                 read,
                 per_sample,
                 by_alpha,
+                primitives,
             })
         };
         let by_alpha = pipeline.alpha_to_coverage || pipeline.alpha_to_one;
-        let of_samples = (pipeline.runs_per_sample(), by_alpha);
+        let of_fragments = (pipeline.runs_per_sample(), by_alpha, pipeline.topology.kind());
         let inputs = &pipeline.fragment.reflection.inputs;
         let locations = inputs.iter().map(|v| v.location + 1).max();
         Self {
@@ -45,12 +47,23 @@ impl Facts {
                 &pipeline.vertex,
                 attributes(pipeline),
                 read_outputs(pipeline),
-                (false, false),
+                (false, false, PrimitiveKind::Triangle),
             ),
-            fragment: key(&pipeline.fragment, Vec::new(), 0, of_samples),
+            fragment: key(&pipeline.fragment, Vec::new(), 0, of_fragments),
             varying_stride: 4 * locations.unwrap_or(0),
         }
     }
+}
+
+/// The stencil tests of opaque work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stencil {
+    /// None.
+    Off,
+    /// No fragment changes the target.
+    Compares,
+    /// All fragments that pass change these bits of the target.
+    Writes(u8),
 }
 
 /// What the method of a pipeline depends on in the targets of a pass.

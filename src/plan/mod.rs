@@ -28,11 +28,12 @@ use crate::{
     kept::ByIdentity,
     pass::{BindingEntry, BindingSet, BufferSource, Draw, IndexRanges, Pass, Pipeline},
     shader::{ResourceArray, Shader},
-    state::Compare,
+    state::{Compare, PrimitiveKind},
 };
 use facts::{Facts, method};
 use std::{collections::HashMap, sync::Arc};
 
+pub use facts::Stencil;
 pub(crate) use facts::{PipelineKernels, TargetKinds, depth_mode};
 
 /// Where the executor put a resource: gives the planner slots of the resource table.
@@ -71,6 +72,8 @@ pub struct KernelKey {
     pub per_sample: bool,
     /// Whether its alpha says which samples are covered, or is replaced by 1.
     pub by_alpha: bool,
+    /// What a fragment shader runs for; of all vertex shaders the same.
+    pub primitives: PrimitiveKind,
 }
 
 /// How a batch is drawn.
@@ -94,17 +97,6 @@ pub enum Method {
         /// Whether there is a stencil test.
         stencil: bool,
     },
-}
-
-/// The stencil tests of opaque work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Stencil {
-    /// None.
-    Off,
-    /// No fragment changes the target.
-    Compares,
-    /// All fragments that pass change these bits of the target.
-    Writes(u8),
 }
 
 /// One dispatch of the vertex stage: all slots of a batch that one vertex shader fills.

@@ -7,7 +7,7 @@
 use super::window::Window;
 use crate::{
     pass::{Draw, IndexFormat, Pass},
-    state::{DepthBias, Topology},
+    state::{DepthBias, PrimitiveKind, Topology},
     trace::{Primitive, Vertex},
 };
 
@@ -63,7 +63,7 @@ fn of_draw(
             primitive,
             vertices,
             window,
-            bias: draw.depth_bias,
+            bias: draw.depth_bias.filter(|_| topology.kind() == PrimitiveKind::Triangle),
             depth_bounds: draw.depth_bounds,
             stencil_reference: draw.stencil_reference,
             depth_limits,
@@ -77,6 +77,9 @@ fn elements(topology: Topology, i: u32) -> [u32; 3] {
         Topology::TriangleList => [3 * i, 3 * i + 1, 3 * i + 2],
         Topology::TriangleStrip => [i, i + (1 + i % 2), i + (2 - i % 2)],
         Topology::TriangleFan => [i + 1, i + 2, 0],
+        Topology::PointList => [i; 3],
+        Topology::LineList => [2 * i, 2 * i + 1, 2 * i + 1],
+        Topology::LineStrip => [i, i + 1, i + 1],
     }
 }
 

@@ -10,6 +10,7 @@ pub mod assembly;
 pub mod binning;
 pub mod primitive;
 pub mod raster;
+mod shape;
 pub mod window;
 
 use crate::{

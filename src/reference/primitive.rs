@@ -3,17 +3,20 @@
 //! Reads: primitives, clip-space positions, the draws' viewports, scissors and culling. Writes: the triangles of each
 //! primitive. Contract: that of `glsl/primitive.comp`, whose twin this is.
 
-use super::{Input, assembly::Assembled, window::Window};
+use super::{Input, assembly::Assembled, shape, window::Window};
 use crate::{
     abi,
     grid::Grid,
     pass::Pipeline,
     samples::Samples,
-    state::{Cull, FrontFace},
+    state::{Cull, FrontFace, PrimitiveKind},
     trace::{Parts, Positions, Triangle},
 };
 
-type Vec4 = [f32; 4];
+/// A position in clip space.
+pub(super) type Vec4 = [f32; 4];
+/// A position in the window: pixels and depth.
+pub(super) type WindowPosition = [f32; 3];
 
 /// All primitives of the batch.
 pub fn run(input: &Input) -> Vec<Parts> {
@@ -33,7 +36,18 @@ fn parts(input: &Input, number: usize) -> Parts {
     if !corners.iter().flatten().all(usable) {
         return vec![None];
     }
-    let planes = planes(input.pipeline(number));
+    let pipeline = input.pipeline(number);
+    if pipeline.topology.kind() != PrimitiveKind::Triangle {
+        // Points of a trace have the size 1: it holds positions alone.
+        let shape = shape::of((pipeline, assembled), &corners, 1.0, input.pass.samples);
+        let Some(shape) = shape else { return vec![None] };
+        let halves = [[0, 1, 2], [0, 2, 3]].map(|half| half.map(|n: usize| shape.corners[n]));
+        let samples = (input.grid, input.pass.samples);
+        return halves
+            .map(|half| set_up(samples, pipeline, assembled, half, Plane::Known(shape.plane)))
+            .into();
+    }
+    let planes = planes(pipeline);
     let hidden = (0..planes).any(|p| corners.iter().all(|&c| distance(p, c) < 0.0));
     if hidden {
         return vec![None];
@@ -42,26 +56,30 @@ fn parts(input: &Input, number: usize) -> Parts {
     if polygon.len() < 3 || polygon.iter().any(|c| flush(c.position[3]) <= 0.0) {
         return vec![None];
     }
-    let corners: Vec<_> = polygon.iter().map(|c| to_window(&assembled.window, c)).collect();
+    let corners: Vec<_> =
+        polygon.iter().map(|c| to_window(&assembled.window, c.position, c.made)).collect();
     let triangles = corners[1..].windows(2).map(|pair| {
         let corners = [corners[0], pair[0], pair[1]];
-        set_up((input.grid, input.pass.samples), input.pipeline(number), assembled, corners)
+        let samples = input.pass.samples;
+        let snapped = corners.map(|[x, y, _]| [snap(samples, x), snap(samples, y)]);
+        let plane = Plane::Through(corners);
+        set_up((input.grid, samples), pipeline, assembled, snapped, plane)
     });
     triangles.collect()
 }
 
 /// Denormals are zero, because devices may flush them.
-fn flush(a: f32) -> f32 {
+pub(super) fn flush(a: f32) -> f32 {
     if a.is_subnormal() || a == 0.0 { 0.0 } else { a }
 }
 
 /// How many planes the primitives of a pipeline are clipped by: the four sides, then near and far.
-fn planes(pipeline: &Pipeline) -> usize {
+pub(super) fn planes(pipeline: &Pipeline) -> usize {
     let near_and_far = pipeline.depth_clip.unwrap_or(!pipeline.depth_clamp);
     if near_and_far { 6 } else { 4 }
 }
 
-fn distance(plane: usize, [x, y, z, w]: Vec4) -> f32 {
+pub(super) fn distance(plane: usize, [x, y, z, w]: Vec4) -> f32 {
     [w - x, w + x, w - y, w + y, z, w - z][plane]
 }
 
@@ -108,14 +126,13 @@ fn crossing(outside: Vec4, dout: f32, inside: Vec4, din: f32) -> Corner {
     Corner { position, made: true }
 }
 
-/// Window position in pixels and depth.
-fn to_window(window: &Window, corner: &Corner) -> [f32; 3] {
-    let [x, y, z, w] = corner.position;
+/// The window position of a vertex, or of a corner that clipping `made`.
+pub(super) fn to_window(window: &Window, [x, y, z, w]: Vec4, made: bool) -> WindowPosition {
     let inverse = flush(1.0 / w);
     // Without clipping, a depth may be anything. Far beyond 1 it makes no difference.
     let ndc = [x * inverse, y * inverse, (z * inverse).clamp(-(2f32.powi(40)), 2f32.powi(40))];
     let Window { scale, offset, .. } = window;
-    let mut position: [f32; 3] = std::array::from_fn(|i| match corner.made {
+    let mut position: [f32; 3] = std::array::from_fn(|i| match made {
         true => ndc[i] * scale[i] + offset[i],
         false => multiply_add(ndc[i], scale[i], offset[i]),
     });
@@ -137,26 +154,41 @@ pub(super) fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
     sum + (sum_error + product_error)
 }
 
+/// A window coordinate in 1/256 pixel from the centre of pixel (0, 0).
+fn snap(samples: Samples, c: f32) -> i32 {
+    let scale = (1 << abi::SUBPIXEL_BITS) as f32;
+    // As devices round: several samples are not in the centres of pixels.
+    match samples {
+        Samples::One => ((c - 0.5) * scale).round_ties_even() as i32,
+        _ => (c * scale).round_ties_even() as i32 - 128,
+    }
+}
+
+/// Where the depths of a triangle lie.
+enum Plane {
+    /// Of a half of a point or of a line.
+    Known([f32; 3]),
+    /// Through these corners.
+    Through([WindowPosition; 3]),
+}
+
 fn set_up(
     (grid, samples): (&Grid, Samples),
     pipeline: &Pipeline,
     assembled: &Assembled,
-    corners: [[f32; 3]; 3],
+    snapped: [[i32; 2]; 3],
+    plane: Plane,
 ) -> Option<Triangle> {
-    let scale = (1 << abi::SUBPIXEL_BITS) as f32;
-    // As devices round: several samples are not in the centres of pixels.
-    let snap = |c: f32| match samples {
-        Samples::One => ((c - 0.5) * scale).round_ties_even() as i32,
-        _ => (c * scale).round_ties_even() as i32 - 128,
-    };
-    let mut x = corners.map(|p| snap(p[0]));
-    let mut y = corners.map(|p| snap(p[1]));
+    let mut x = snapped.map(|p| p[0]);
+    let mut y = snapped.map(|p| p[1]);
     let at = |i: usize| (i64::from(x[i]), i64::from(y[i]));
     let (a, b, c) = (at(0), at(1), at(2));
     let area = (b.0 - a.0) * (c.1 - a.1) - (c.0 - a.0) * (b.1 - a.1);
-    let front = (area > 0) == (pipeline.front_face == FrontFace::Clockwise);
+    let is_half = matches!(plane, Plane::Known(_));
+    let front = is_half || (area > 0) == (pipeline.front_face == FrontFace::Clockwise);
     let culled = if front { Cull::Front } else { Cull::Back };
-    if area == 0 || pipeline.cull == culled {
+    let hidden = if is_half { area < 0 } else { pipeline.cull == culled };
+    if area == 0 || hidden {
         return None;
     }
     if area < 0 {
@@ -174,8 +206,14 @@ fn set_up(
     let (first_x, last_x) = pixels(x, columns)?;
     let (first_y, last_y) = pixels(y, rows)?;
 
-    let [dzdx, dzdy, z] = depth_plane(corners, if samples == Samples::One { 0.5 } else { 0.0 });
-    let largest = corners.iter().map(|corner| corner[2].abs()).fold(0.0, f32::max);
+    let start = if samples == Samples::One { 0.5 } else { 0.0 };
+    let ([dzdx, dzdy, z], largest) = match plane {
+        Plane::Known(plane) => (plane, 0.0),
+        Plane::Through(corners) => {
+            let depths = corners.iter().map(|corner| corner[2].abs());
+            (depth_plane(corners, start), depths.fold(0.0, f32::max))
+        }
+    };
     let adjusted = assembled.bias.is_some() || pipeline.depth_clamp || planes(pipeline) == 4;
     let mut triangle = Triangle {
         x,
@@ -204,7 +242,15 @@ fn depth_plane([a, b, c]: [[f32; 3]; 3], start: f32) -> [f32; 3] {
     let (cas, abs) = ([ca[0] * inverse, ca[1] * inverse], [ab[0] * inverse, ab[1] * inverse]);
     let [dx, dy] = [ab[2] * cas[1] - ca[2] * abs[1], ca[2] * abs[0] - ab[2] * cas[0]];
     let plane = [dx, dy, a[2] - (dx * (a[0] - start) + dy * (a[1] - start))];
-    let usable = flush(area) != 0.0 && plane.iter().all(|p| p.abs() < 2f32.powi(64));
+    match flush(area) != 0.0 {
+        true => usable_plane(plane, a[2]),
+        false => usable_plane([0.0, 0.0, a[2]], a[2]),
+    }
+}
+
+/// A plane, or that of the depth `z` if its numbers are too large.
+pub(super) fn usable_plane(plane: [f32; 3], z: f32) -> [f32; 3] {
+    let usable = plane.iter().all(|p| p.abs() < 2f32.powi(64));
     let settled = |p: f32| if p.abs() < 2f32.powi(-64) { 0.0 } else { p };
-    if usable { plane.map(settled) } else { [0.0, 0.0, settled(a[2])] }
+    if usable { plane.map(settled) } else { [0.0, 0.0, settled(z)] }
 }

@@ -17,7 +17,7 @@ use crate::{
     format::VertexFormat,
     image::Extent,
     pass::{IndexFormat, Pipeline, StepRate, VertexAttribute, VertexBinding},
-    state::{Blend, ColorState, Cull, DepthState, FrontFace, Topology},
+    state::{Blend, ColorState, Cull, DepthState, FrontFace, LineMode, Topology},
     texture::Texture,
 };
 use glam::DMat4;
@@ -104,6 +104,8 @@ pub(super) struct Builder {
     /// The files that were read.
     pub files: Vec<PathBuf>,
     textures: Vec<TextureJob>,
+    /// Materials without light, by those that they were made of.
+    unlit: HashMap<usize, usize>,
 }
 
 impl Builder {
@@ -124,6 +126,17 @@ impl Builder {
             MAX_WARNINGS => self.warnings.push("there is more that is left out".into()),
             _ => {}
         }
+    }
+
+    /// The number of a material that is as `material` but for light, which it takes no account of.
+    pub fn unlit(&mut self, material: usize) -> usize {
+        if self.materials[material].unlit {
+            return material;
+        }
+        *self.unlit.entry(material).or_insert_with(|| {
+            self.materials.push(Material { unlit: true, ..self.materials[material].clone() });
+            self.materials.len() - 1
+        })
     }
 
     /// Adds `mesh` and returns the number of its part.
@@ -349,6 +362,8 @@ impl Pipelines<'_> {
             vertex_bindings: bindings,
             vertex_attributes: attributes,
             topology: key.topology,
+            line_width: 1.0,
+            line_mode: LineMode::default(),
             cull: if key.double_sided { Cull::None } else { Cull::Back },
             front_face: match key.mirrored {
                 false => FrontFace::CounterClockwise,

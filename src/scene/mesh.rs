@@ -1,4 +1,4 @@
-//! Triangles that are still being worked on. Loaders and built-in shapes produce them.
+//! Triangles, lines and points that are still being worked on. Loaders and built-in shapes produce them.
 //!
 //! A [`Mesh`] becomes a [`Part`](super::build::Part) later. Missing normals and tangents are made here, so that
 //! shaders never have to guess.
@@ -68,7 +68,7 @@ impl Mesh {
         }
     }
 
-    /// The corners of all triangles as vertex numbers, in the winding that the topology gives.
+    /// The corners of all triangles as vertex numbers (of points and lines, triangles without area), in the winding that the topology gives.
     /// Indices must be in range.
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         let count = self.indices.as_ref().map_or(self.positions.len(), Vec::len);
@@ -79,8 +79,18 @@ impl Mesh {
                 // Every other triangle of a strip has its first two vertices swapped.
                 Topology::TriangleStrip => [at(i), at(i + 1 + i % 2), at(i + 2 - i % 2)],
                 Topology::TriangleFan => [at(i + 1), at(i + 2), at(0)],
+                Topology::PointList | Topology::LineList | Topology::LineStrip => [at(i); 3],
             })
             .collect()
+    }
+
+    /// Makes a line strip end where it begins.
+    pub fn close(&mut self) {
+        let all = 0..self.positions.len() as u32;
+        let indices = self.indices.get_or_insert_with(|| all.collect());
+        if let Some(&first) = indices.first() {
+            indices.push(first);
+        }
     }
 
     /// Turns the mesh into a triangle list in which no two triangles share a vertex.

@@ -44,7 +44,10 @@ pub use load::LoadOptions;
 pub use pass::PassOptions;
 pub use texture::{ColorSpace, load_texture};
 
-use crate::pass::{BindingSet, BufferSource, Pipeline};
+use crate::{
+    pass::{BindingSet, BufferSource, Pipeline},
+    state::PrimitiveKind,
+};
 use std::{path::PathBuf, sync::Arc};
 
 /// Things to draw, lit and placed.
@@ -110,7 +113,9 @@ impl Scene {
         let of = |item: &place::Item| {
             let part = &self.parts[item.part];
             let instances = item.instances.map_or(1, |(_, count)| u64::from(count));
-            u64::from(part.topology.primitives(part.count)) * instances
+            let is_drawn = part.topology.kind() == PrimitiveKind::Triangle;
+            let primitives = if is_drawn { part.topology.primitives(part.count) } else { 0 };
+            u64::from(primitives) * instances
         };
         self.items.iter().map(of).sum()
     }

@@ -1,24 +1,23 @@
 //! Refuses shaders that declare something which no pass can provide.
 //!
-//! A pass binds blocks, textures, and samplers. It draws triangles, and nothing in it has an address. A shader that asks for more is a valid module, and could be
+//! A pass binds blocks, textures, and samplers. Nothing in it has an address. A shader that asks for more is a valid module, and could be
 //! spliced; but the things that it asks for would be undefined, and drivers crash on some of them.
 //!
 //! Everything else behaves as in Vulkan. Outputs at locations without a target vanish. A vertex shader's
-//! `gl_PointSize` is for points and has no effect on triangles.
+//! `gl_PointSize` has no effect on lines and triangles.
 
 use super::{
-    Stage,
     module::{Index, Outcome},
     storage_format::storage_format,
     usage::Usage,
 };
 use rspirv::{
     dr::{Instruction, Operand},
-    spirv::{BuiltIn, Decoration, Dim, ImageFormat, Op, StorageClass, Word},
+    spirv::{Decoration, Dim, ImageFormat, Op, StorageClass, Word},
 };
 
 /// Why no pass can draw with the shader; `None` if one can.
-pub(super) fn refusal(index: &Index, usage: &Usage, stage: Stage) -> Outcome<Option<String>> {
+pub(super) fn refusal(index: &Index, usage: &Usage) -> Outcome<Option<String>> {
     for variable in usage.variables(index) {
         let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
             continue;
@@ -26,7 +25,6 @@ pub(super) fn refusal(index: &Index, usage: &Usage, stage: Stage) -> Outcome<Opt
         let (class, ty) = index.pointer(pointer)?;
         let refusal = match class {
             StorageClass::UniformConstant => resource(index, id, ty)?,
-            StorageClass::Input if stage == Stage::Fragment => point_coordinate(index, id),
             _ => None,
         };
         if refusal.is_some() {
@@ -137,13 +135,6 @@ fn glsl_type(index: &Index, image: Word, with_sampler: bool) -> Outcome<String> 
     Ok(format!("{prefix}{kind}{dimension}{samples}{layers}{shadow}"))
 }
 
-fn point_coordinate(index: &Index, id: Word) -> Option<String> {
-    (index.built_in(id, None) == Some(BuiltIn::PointCoord)).then(|| {
-        "it reads gl_PointCoord, which Vulkan defines for points alone; a pass draws triangles"
-            .into()
-    })
-}
-
 #[cfg(all(test, any(feature = "glsl", feature = "glsl-bundled")))]
 mod tests {
     use crate::shader::{Shader, Stage};
@@ -217,8 +208,6 @@ mod tests {
 
     #[test]
     fn what_triangles_and_bindings_do_not_have_is_refused() {
-        let text = reason("", "gl_PointCoord, 0, 1").unwrap();
-        assert!(text.contains("odd.frag") && text.contains("gl_PointCoord"), "{text}");
         let pointer = "layout(buffer_reference) readonly buffer Word { float word; };
             layout(push_constant) uniform Push { Word at; };";
         let text = reason(pointer, "at.word").unwrap();

@@ -58,7 +58,7 @@ pub(super) fn reflect(
         reflection.takes_derivatives |= stage == Stage::Fragment && takes_derivative(op);
         reflection.interpolates |= stage == Stage::Fragment && interpolates(instruction);
     }
-    Ok((reflection, details, reach::refusal(&index, &usage, stage)?))
+    Ok((reflection, details, reach::refusal(&index, &usage)?))
 }
 
 /// Whether a fragment shader runs for each sample: the interface of its entry point has an input that is a `sample`,
@@ -103,6 +103,7 @@ fn add_varyings(
     let list = if written { &mut reflection.outputs } else { &mut reflection.inputs };
     match interface::variable(index, variable, &[])? {
         Variable::Leaves(leaves) => list.extend(leaves.iter().map(|leaf| leaf.varying)),
+        Variable::BuiltIn(BuiltIn::PointCoord) => reflection.reads_point_coord = true,
         Variable::BuiltIn(BuiltIn::FragDepth) if written => reflection.writes_depth = true,
         Variable::BuiltIn(BuiltIn::FragStencilRefEXT) if written => {
             reflection.writes_stencil = true;

@@ -413,11 +413,13 @@ mod tests {
             keep_enabled(&mut probe, &info);
             structures(&info).into_iter().map(|(kind, _)| kind).collect()
         };
-        let divisors = EXTENSIONS.iter().find(|e| e.in_14.is_some()).unwrap();
-        assert!(kinds.contains(&VULKAN_14) && !kinds.contains(&divisors.kind), "{kinds:?}");
-        assert_eq!(of_14.booleans[11..13], [vk::TRUE; 2]);
+        let mut parts = EXTENSIONS.iter().filter(|e| e.in_14.is_some());
+        assert!(kinds.contains(&VULKAN_14), "{kinds:?}");
+        assert!(parts.all(|part| !kinds.contains(&part.kind)), "{kinds:?}");
+        assert_eq!(of_14.booleans[11..13], [vk::TRUE; 2], "divisors");
+        assert_eq!(of_14.booleans[5..7], [vk::TRUE; 2], "lines");
         assert!(all().iter().all(|feature| feature.is_on(&probe.features)));
-        assert_eq!(of_14.booleans.iter().filter(|b| **b == vk::TRUE).count(), 2);
+        assert_eq!(of_14.booleans.iter().filter(|b| **b == vk::TRUE).count(), 4);
     }
 
     /// Users' shaders may need features that this library does not: they are found in all structures.

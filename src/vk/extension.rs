@@ -27,8 +27,11 @@ pub(super) const OF_DIVISORS: usize = 1;
 /// Clipping at the depth planes by itself.
 pub(super) const OF_DEPTH_CLIP: usize = 2;
 
+/// Lines: rectangular, Bresenham, smooth, then the same with stipples.
+pub(super) const OF_LINES: usize = 3;
+
 /// The extensions whose features the engine uses on devices that have them, by the numbers above.
-pub(super) const EXTENSIONS: [Extension; 3] = [
+pub(super) const EXTENSIONS: [Extension; 4] = [
     Extension {
         names: &[c"VK_KHR_compute_shader_derivatives", c"VK_NV_compute_shader_derivatives"],
         kind: vk::StructureType::PHYSICAL_DEVICE_COMPUTE_SHADER_DERIVATIVES_FEATURES_NV,
@@ -47,6 +50,13 @@ pub(super) const EXTENSIONS: [Extension; 3] = [
         kind: vk::StructureType::PHYSICAL_DEVICE_DEPTH_CLIP_ENABLE_FEATURES_EXT,
         features: 1,
         in_14: None,
+    },
+    Extension {
+        // The older one first, as above.
+        names: &[c"VK_EXT_line_rasterization", c"VK_KHR_line_rasterization"],
+        kind: vk::StructureType::PHYSICAL_DEVICE_LINE_RASTERIZATION_FEATURES_KHR,
+        features: 6,
+        in_14: Some(5),
     },
 ];
 

@@ -2,7 +2,7 @@
 
 use super::{
     device::DeviceInfo,
-    requirements::{DEPTH_CLIP, DIVISORS, Probe},
+    requirements::{BRESENHAM_LINES, DEPTH_CLIP, DIVISORS, Probe, RECTANGULAR_LINES},
 };
 use ash::vk;
 
@@ -77,6 +77,12 @@ pub(crate) struct DrawLimits {
     pub stencil_resolves: vk::ResolveModeFlags,
     /// Whether clipping at the depth planes is a switch of its own.
     pub clips_depth_apart: bool,
+    /// Which modes of lines may be asked for, and whether lines are rectangles unless one is.
+    pub rectangular_lines: bool,
+    pub bresenham_lines: bool,
+    pub strict_lines: bool,
+    /// The least and the greatest width of lines.
+    pub line_widths: [f32; 2],
     /// Commands of one indirect draw, and whether a buffer may say how many there are.
     pub commands: u32,
     pub counts_commands: bool,
@@ -117,6 +123,13 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         depth_resolves: probe.vulkan12.supported_depth_resolve_modes,
         stencil_resolves: probe.vulkan12.supported_stencil_resolve_modes,
         clips_depth_apart: DEPTH_CLIP.is_on(&probe.features),
+        rectangular_lines: RECTANGULAR_LINES.is_on(&probe.features),
+        bresenham_lines: BRESENHAM_LINES.is_on(&probe.features),
+        strict_lines: l.strict_lines == vk::TRUE,
+        line_widths: match probe.features.core.wide_lines == vk::TRUE {
+            true => l.line_width_range,
+            false => [1.0; 2],
+        },
         commands: match probe.features.core.multi_draw_indirect == vk::TRUE
             && probe.features.core.draw_indirect_first_instance == vk::TRUE
         {

@@ -99,6 +99,7 @@ pub use features::Feature;
 pub use gpu::Gpu;
 pub use image::{Image, ImageInfo, ImageUse};
 pub use kernel::{Kernel, KernelInfo};
+pub(crate) use limits::DrawLimits;
 pub use limits::Limits;
 pub use open::GpuOptions;
 pub use recorder::{Dispatch, Recorder};

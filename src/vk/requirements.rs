@@ -43,6 +43,10 @@ pub(super) const DIVISORS: [Feature; 2] = [
 /// Clipping at the depth planes as a switch of the device's own pipeline.
 pub(super) const DEPTH_CLIP: Feature = named!("depthClipEnable", extended[OF_DEPTH_CLIP][0]);
 
+/// The modes of lines of the device's own pipeline.
+pub(super) const RECTANGULAR_LINES: Feature = named!("rectangularLines", extended[OF_LINES][0]);
+pub(super) const BRESENHAM_LINES: Feature = named!("bresenhamLines", extended[OF_LINES][1]);
+
 /// Something a device must offer.
 pub struct Requirement {
     /// What, in Vulkan's words.
@@ -330,6 +334,10 @@ pub const OPTIONAL: &[Optional] = &[
     },
     of_classic("VK_EXT_vertex_attribute_divisor", &DIVISORS),
     of_classic("VK_EXT_depth_clip_enable", &[DEPTH_CLIP]),
+    of_classic("rectangularLines of VK_EXT_line_rasterization", &[RECTANGULAR_LINES]),
+    of_classic("bresenhamLines of VK_EXT_line_rasterization", &[BRESENHAM_LINES]),
+    of_classic("wideLines", &[named!("wideLines", core.wide_lines)]),
+    of_classic("largePoints", &[named!("largePoints", core.large_points)]),
     of_classic("dualSrcBlend", &[named!("dualSrcBlend", core.dual_src_blend)]),
     of_classic("alphaToOne", &[named!("alphaToOne", core.alpha_to_one)]),
     of_classic("sampleRateShading", &[named!("sampleRateShading", core.sample_rate_shading)]),

@@ -1,6 +1,6 @@
 //! Checks whether a pipeline is valid: its shaders, their interface, and the vertex attributes.
 
-use super::{Fault, STRIDE_BYTES};
+use super::{Fault, LINE_WIDTH_PX, STRIDE_BYTES};
 use crate::{
     abi,
     error::{Error, Result},
@@ -8,6 +8,7 @@ use crate::{
     pass::Pipeline,
     samples::Samples,
     shader::{Resource, Scalar, Shader, Stage, Varying},
+    state::PrimitiveKind,
 };
 use std::collections::HashSet;
 
@@ -98,6 +99,7 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
             return Err(format!("a divisor of {divisor} instances; at most {}", abi::MAX_DIVISOR));
         }
     }
+    check_primitives(pipeline)?;
     check_specialization(pipeline)?;
     check_attributes(pipeline)?;
     check_varyings(pipeline)?;
@@ -118,6 +120,25 @@ pub(super) fn check(pipeline: &Pipeline) -> std::result::Result<Vec<Resource>, S
     }
     all.sort_by_key(|r| (r.set, r.binding));
     Ok(all)
+}
+
+/// Checks what concerns points and lines.
+fn check_primitives(pipeline: &Pipeline) -> Fault {
+    let (kind, fragment) = (pipeline.topology.kind(), &pipeline.fragment);
+    if fragment.reflection.reads_point_coord && kind != PrimitiveKind::Point {
+        return Err(format!(
+            "`{}` reads gl_PointCoord, which Vulkan defines for points alone; the topology is {:?}",
+            fragment.label, pipeline.topology
+        ));
+    }
+    let widths = f32::MIN_POSITIVE..=LINE_WIDTH_PX;
+    match kind == PrimitiveKind::Line && !widths.contains(&pipeline.line_width) {
+        true => Err(format!(
+            "lines are {} pixels wide; they can have more than 0 and up to {LINE_WIDTH_PX}",
+            pipeline.line_width
+        )),
+        false => Ok(()),
+    }
 }
 
 /// Checks that there is an alpha where it says which samples are covered.

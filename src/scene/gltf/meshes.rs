@@ -10,7 +10,7 @@ use super::{
     data::{Checks, Data, Placed, compressed, get},
     materials::Materials,
 };
-use crate::state::Topology;
+use crate::state::{PrimitiveKind, Topology};
 use glam::{DMat4, DVec3, Vec4};
 use gltf_json::{
     mesh::{Mode, Primitive, Semantic},
@@ -70,11 +70,13 @@ fn part(
         Checked::Valid(Mode::Triangles) => Topology::TriangleList,
         Checked::Valid(Mode::TriangleStrip) => Topology::TriangleStrip,
         Checked::Valid(Mode::TriangleFan) => Topology::TriangleFan,
-        Checked::Valid(Mode::Points) => return Ok(Added::Skipped("it consists of points")),
-        Checked::Valid(_) => return Ok(Added::Skipped("it consists of lines")),
+        Checked::Valid(Mode::Points) => Topology::PointList,
+        Checked::Valid(Mode::Lines) => Topology::LineList,
+        Checked::Valid(Mode::LineStrip | Mode::LineLoop) => Topology::LineStrip,
         Checked::Invalid => return Err("its mode is unknown".into()),
     };
-    let source = Source { primitive };
+    let (source, shaped) = (Source { primitive }, topology.kind() != PrimitiveKind::Triangle);
+    let is_loop = matches!(primitive.mode, Checked::Valid(Mode::LineLoop));
     let Some(position) = source.find(Semantic::Positions) else {
         return Ok(Added::Skipped("it has no positions"));
     };
@@ -92,6 +94,16 @@ fn part(
     if vertices == 0 {
         return Ok(Added::Nothing);
     }
+    // Points and lines have no winding that normals and tangents could be made of.
+    let described = &builder.materials[material];
+    let is_mapped = !described.unlit && described.normal_uv_set().is_some();
+    let is_directed = source.find(Semantic::Normals).is_some()
+        && (!is_mapped || source.find(Semantic::Tangents).is_some())
+        && source.has_directions(data, true)?;
+    let material = match shaped && !is_directed {
+        true => builder.unlit(material),
+        false => material,
+    };
     let described = &builder.materials[material];
     let lit = !described.unlit;
     // Only tangents of a normal map are ever read, only lit surfaces need normals.
@@ -99,7 +111,8 @@ fn part(
     let tangents = normal_map.is_none() || source.find(Semantic::Tangents).is_some();
     let normals = !lit || source.find(Semantic::Normals).is_some();
     let morphed = deform.weights.iter().any(|&w| w != 0.0) && primitive.targets.is_some();
-    if normals
+    if !is_loop
+        && normals
         && tangents
         && source.has_directions(data, lit)?
         && !morphed
@@ -110,6 +123,9 @@ fn part(
         return Ok(Added::Part(builder.parts.len() - 1));
     }
     let mut mesh = source.read(data, topology, uv_sets, normal_map.is_some())?;
+    if is_loop {
+        mesh.close();
+    }
     if morphed {
         source.morph(data, &mut mesh, deform.weights)?;
     }
@@ -120,7 +136,7 @@ fn part(
     // Joints have moved a skin to the world already, and with it perhaps into a mirror: what is made
     // from its winding then points to the wrong side.
     let flipped = deform.joints.is_some() && deform.mirrored;
-    if lit || source.find(Semantic::Normals).is_some() {
+    if !shaped && (lit || source.find(Semantic::Normals).is_some()) {
         // Where a file has no normals, glTF demands flat ones.
         let how = match mesh.normals.iter().any(is_usable) {
             true => Normals::SMOOTH,
@@ -128,7 +144,7 @@ fn part(
         };
         mesh.complete_normals(how, flipped);
     }
-    if let Some(set) = normal_map.filter(|_| mesh.tangents.is_empty()) {
+    if let Some(set) = normal_map.filter(|_| !shaped && mesh.tangents.is_empty()) {
         mesh.make_tangents(set);
         mesh.tangents.iter_mut().filter(|_| flipped).for_each(|t| t.w = -t.w);
     }

@@ -63,8 +63,8 @@ pub(super) fn source(stage: Stage, output: bool, built_in: BuiltIn) -> Outcome<S
         (Stage::Fragment, false, B::SampleMask) => Coverage("tw_SampleMaskIn"),
         (Stage::Fragment, false, B::SampleId) => Kernel("tw_SampleID"),
         (Stage::Fragment, false, B::SamplePosition) => Kernel("tw_SamplePosition"),
-        // Of a triangle's fragments, Vulkan leaves gl_PointCoord undefined.
-        (Stage::Fragment, false, B::PointCoord | B::ShadingRateKHR) => Constant(0),
+        (Stage::Fragment, false, B::PointCoord) => Kernel("tw_PointCoord"),
+        (Stage::Fragment, false, B::ShadingRateKHR) => Constant(0),
         (Stage::Fragment, false, B::Layer | B::ViewportIndex) => Constant(0),
         (_, false, B::ViewIndex) => Constant(0),
         (Stage::Fragment, true, B::FragDepth) => Kernel("tw_FragDepth"),

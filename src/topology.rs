@@ -1,0 +1,92 @@
+//! How vertices become primitives, and what lines cover, in Vulkan's terms.
+
+shared_enum! {
+    /// How vertices become primitives.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
+    pub enum Topology {
+        /// Three vertices each.
+        #[default]
+        TriangleList = 0,
+        /// Each vertex after the second makes a triangle with the two before it.
+        TriangleStrip = 1,
+        /// Each vertex after the second makes a triangle with the one before it and the first.
+        TriangleFan = 2,
+        /// A point for each vertex: a square whose side the vertex shader writes to `gl_PointSize`, in pixels: 1 unless it does.
+        PointList = 3,
+        /// Two vertices each.
+        LineList = 4,
+        /// Each vertex after the first makes a line with the one before it.
+        LineStrip = 5,
+    }
+}
+
+// Kernels tell triangles from lines and points by their order.
+const _: () = {
+    assert!((Topology::TriangleFan as u32) < Topology::PointList as u32);
+    assert!((Topology::PointList as u32) < Topology::LineList as u32);
+    assert!((Topology::LineList as u32) < Topology::LineStrip as u32);
+};
+
+impl Topology {
+    /// Primitives assembled from `vertices` vertices.
+    pub const fn primitives(self, vertices: u32) -> u32 {
+        match self {
+            Topology::PointList => vertices,
+            Topology::LineList => vertices / 2,
+            Topology::LineStrip => vertices.saturating_sub(1),
+            Topology::TriangleList => vertices / 3,
+            Topology::TriangleStrip | Topology::TriangleFan => vertices.saturating_sub(2),
+        }
+    }
+
+    /// Vertices that `primitives` are assembled from, at least one of them.
+    pub(crate) const fn elements(self, primitives: u32) -> u32 {
+        match self {
+            Topology::PointList => primitives,
+            Topology::LineList => 2 * primitives,
+            Topology::LineStrip => primitives + 1,
+            Topology::TriangleList => 3 * primitives,
+            Topology::TriangleStrip | Topology::TriangleFan => primitives + 2,
+        }
+    }
+
+    /// What its primitives are.
+    pub const fn kind(self) -> PrimitiveKind {
+        match self {
+            Topology::PointList => PrimitiveKind::Point,
+            Topology::LineList | Topology::LineStrip => PrimitiveKind::Line,
+            Topology::TriangleList | Topology::TriangleStrip | Topology::TriangleFan => {
+                PrimitiveKind::Triangle
+            }
+        }
+    }
+}
+
+shared_enum! {
+    /// A kind of primitives: the number of its vertices.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum PrimitiveKind {
+        /// A square around a vertex.
+        Point = 1,
+        /// A line between two vertices.
+        Line = 2,
+        /// A triangle.
+        Triangle = 3,
+    }
+}
+
+shared_enum! {
+    /// What a line covers, as `VkLineRasterizationMode`.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    #[non_exhaustive]
+    pub enum LineMode {
+        /// A rectangle between its ends, as wide as [`crate::Pipeline::line_width`] says. Vulkan's default on devices with
+        /// `strictLines`.
+        #[default]
+        Rectangular = 0,
+        /// For each column that a flat line crosses a pixel, and for each row that a steep one crosses: by the rule of diamonds. A
+        /// wider line has so many of them, one below or beside the other.
+        Bresenham = 1,
+    }
+}
