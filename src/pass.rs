@@ -368,7 +368,7 @@ pub struct Draw {
     pub viewport: Option<Viewport>,
     /// `None` is the whole target ([`Draw::scissor_in`]).
     pub scissor: Option<Rect>,
-    /// What is added to depths; `None` is nothing.
+    /// What is added to depths of triangles; `None` is nothing.
     pub depth_bias: Option<DepthBias>,
     /// Least and greatest depth for pipelines with [`crate::state::DepthState::bounds`]; 0 and 1 unless set.
     pub depth_bounds: [f32; 2],

@@ -12,9 +12,13 @@ shared_enum! {
         TriangleStrip = 1,
         /// Each vertex after the second makes a triangle with the one before it and the first.
         TriangleFan = 2,
-        /// A point for each vertex: a square whose side the vertex shader writes to `gl_PointSize`, in pixels: 1 unless it does.
+        /// A point for each vertex: a square around it. The vertex shader writes its side in pixels to `gl_PointSize`; it is brought
+        /// into 1..=256, and is 1 if the shader writes none. A point is clipped by its centre at the near and the far plane, and cut
+        /// at the sides of the viewport. If pixels have several samples, the fragment shader runs twice in pixels on a diagonal of the
+        /// square, for the samples on either side.
         PointList = 3,
-        /// Two vertices each.
+        /// A line for each two vertices. Sides of the viewport cut it and give it no other ends; the near and the far plane do. If
+        /// pixels have several samples, the fragment shader may run twice in a pixel, as for points.
         LineList = 4,
         /// Each vertex after the first makes a line with the one before it.
         LineStrip = 5,

@@ -6,7 +6,7 @@ use crate::{
     pass::{Pass, Pipeline, StepRate, VertexAttribute, VertexBinding},
     samples::Samples,
     shader::{Reflection, Shader, Varying},
-    state::{Compare, LogicOp, PrimitiveKind},
+    state::{Compare, Cull, LogicOp, PrimitiveKind},
     stencil::StencilState,
 };
 use std::sync::Arc;
@@ -152,7 +152,12 @@ pub(super) fn method(pipeline: &Pipeline, targets: TargetKinds, kernel: usize) -
         || (samples != Samples::One && fragment.reads_coverage);
     let unordered = tested && !pipeline.depth.bounds && !tells_samples && is_pure(fragment);
     let test = pipeline.stencil.filter(|_| targets.stencil);
-    let stencil = match test.map(|test| test.unordered(pipeline.cull)) {
+    // Points and lines are front faces, which nothing culls.
+    let cull = match pipeline.topology.kind() {
+        PrimitiveKind::Triangle => pipeline.cull,
+        PrimitiveKind::Point | PrimitiveKind::Line => Cull::Back,
+    };
+    let stencil = match test.map(|test| test.unordered(cull)) {
         None => Some(Stencil::Off),
         Some(None) => None,
         Some(Some(0)) => Some(Stencil::Compares),
@@ -169,7 +174,7 @@ pub(super) fn method(pipeline: &Pipeline, targets: TargetKinds, kernel: usize) -
         }
     }
     let writes_on_failure = |test: StencilState| {
-        let mut faces = test.drawn(pipeline.cull);
+        let mut faces = test.drawn(cull);
         faces.any(|face| face.writes_on_failure())
     };
     let depth = match depth_mode(fragment) {

@@ -153,13 +153,19 @@ fn stencil_values_count_lines() {
         let mut random = Random::new(seed);
         let counts = StencilFace::new(Compare::Always).pass(StencilOp::IncrementAndWrap);
         let clears = StencilFace::new(Compare::Always).pass(StencilOp::Zero);
-        let state = StencilState::new(counts).back(clears);
+        // No line is a back face, and none is culled.
+        let keeps = StencilFace::new(Compare::Always);
+        let state = StencilState::new(counts).back([clears, keeps][random.below(2)]);
+        let cull = [Cull::None, Cull::Front, Cull::Back][random.below(3)];
+        let made = |pipeline: Pipeline| pipeline.stencil(state).cull(cull).depth(DepthState::LESS);
+        let tested = random.below(2) == 0;
         let corners = lines(&mut random, 60, false);
         let points = points::points(&mut random, 12);
-        let line = line_pipeline(FLAT, &mut random).stencil(state);
-        let point = pipeline(FLAT).topology(Topology::PointList).stencil(state);
+        let line = made(line_pipeline(FLAT, &mut random));
+        let point = made(pipeline(FLAT).topology(Topology::PointList));
         let pass = pass(&format!("stencil values of lines, seed {seed}"))
             .stencil(StencilTarget::cleared(0))
+            .depth(tested.then(|| DepthTarget::cleared(1.0)))
             .pipelines([line, point])
             .draws([draw(0, &corners), draw(1, &points)]);
         let frames = render(&mut executors, &pass);
