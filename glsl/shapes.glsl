@@ -123,7 +123,10 @@ bool make_shape(const Piece piece, const uvec3 slots, const uvec4 from, const uv
     uint planes = (piece.fragment_state & DEPTH_STATE_UNCLIPPED) == 0u ? OUT_DEPTHS : 0u, code = from.w | to.w;
     if ((code & OUT_UNUSABLE) != 0u || (from.w & to.w & (planes | OUT_BEHIND)) != 0u) return false;
     vec3 a = uintBitsToFloat(from.xyz), b = uintBitsToFloat(to.xyz);
+    const float far_out = float(1u << GUARD_LOG2) - 1024.0;
     if (piece.topology == TOPOLOGY_POINT_LIST) {
+        // No target reaches so far, and not-a-number is nowhere.
+        if (!all(lessThan(abs(a.xy), vec2(far_out)))) return false;
         int side = int(from.w >> OUT_SIDE_SHIFT);
         ivec2 low = snap(a.xy) - side / 2;
         shape.corners = ivec2[4](low, low + ivec2(side, 0), low + side, low + ivec2(0, side));
@@ -135,7 +138,6 @@ bool make_shape(const Piece piece, const uvec3 slots, const uvec4 from, const uv
     uint cut = code & planes;
     if ((code & OUT_BEHIND) != 0u && cut == 0u) cut = code & OUT_SIDES;
     Viewport viewport = Viewport(vec3(piece.scale, piece.depth_scale), vec3(piece.offset, piece.depth_offset));
-    const float far_out = float(1u << GUARD_LOG2) - 1024.0;
     for (uint attempt = 0u; attempt < 2u; attempt++) {
         if (cut != 0u) {
             vec4 p = sanitized(positions[slots.x]), q = sanitized(positions[slots.y]);

@@ -372,7 +372,7 @@ pub struct Draw {
     pub depth_bias: Option<DepthBias>,
     /// Least and greatest depth for pipelines with [`crate::state::DepthState::bounds`]; 0 and 1 unless set.
     pub depth_bounds: [f32; 2],
-    /// What stencil tests compare with what the target holds, of front faces and of back faces; zeros unless set.
+    /// The reference values of the stencil test, of front faces and of back faces; zeros unless set.
     pub stencil_reference: [u8; 2],
     /// Constant colour and constant alpha of blending, RGBA, for pipelines whose factors ask for them
     /// ([`crate::state::BlendFactor::ConstantColor`]); zeros unless set.

@@ -83,9 +83,11 @@ impl StencilFace {
 
 /// The stencil test of a pipeline. Points and lines are front faces.
 ///
-/// The `compute` executor draws opaque work ([`crate::compute`]) fast also with a test whose result does not depend on the order:
-/// operations that all keep the value; or, where both tests pass, zero or the reference in the same bits for all faces that are
-/// drawn, which the comparison does not read.
+/// The `compute` executor draws opaque work ([`crate::compute`]) fast also with a stencil test, if the order does not matter:
+///
+/// * a test that only compares;
+/// * a test that writes zero or the reference where both tests pass, and nothing where one fails. All faces that are drawn write
+///   the same bits, and the comparison reads none of these bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub struct StencilState {
@@ -114,7 +116,7 @@ impl StencilState {
     }
 
     /// Whether the order of opaque work does not matter with this test, and then the bits that it writes in all faces that are
-    /// drawn: 0 if it compares alone. If it writes, a value that it writes depends on no other one, and no value that it writes
+    /// drawn: 0 if it only compares. If it writes, a value that it writes depends on no other one, and no value that it writes
     /// decides what passes. So the triangle that a sample shows is the one whose value stays.
     pub(crate) fn unordered(&self, cull: Cull) -> Option<u8> {
         let mut faces = self.drawn(cull);

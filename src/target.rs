@@ -91,7 +91,7 @@ impl ClearColor {
             Self::Sint(c) => c.map(f64::from),
         };
         match format.numeric() {
-            Numeric::Uint => Self::Uint(wide.map(|c| c as u32)),
+            Numeric::Uint | Numeric::Stencil => Self::Uint(wide.map(|c| c as u32)),
             Numeric::Sint => Self::Sint(wide.map(|c| c as i32)),
             _ => Self::Float(wide.map(|c| c as f32)),
         }
@@ -101,7 +101,7 @@ impl ClearColor {
     fn fits(self, format: Format) -> bool {
         match self {
             Self::Float(_) => !format.is_integer(),
-            Self::Uint(_) => format.numeric() == Numeric::Uint,
+            Self::Uint(_) => matches!(format.numeric(), Numeric::Uint | Numeric::Stencil),
             Self::Sint(_) => format.numeric() == Numeric::Sint,
         }
     }

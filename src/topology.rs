@@ -89,8 +89,8 @@ shared_enum! {
         /// `strictLines`.
         #[default]
         Rectangular = 0,
-        /// For each column that a flat line crosses a pixel, and for each row that a steep one crosses: by the rule of diamonds. A
-        /// wider line has so many of them, one below or beside the other.
+        /// A rather flat line covers one pixel in each column, a rather steep one a pixel in each row, by the diamond-exit rule. A
+        /// line of width n, rounded to a whole number, covers n of them, one below or beside the other.
         Bresenham = 1,
     }
 }

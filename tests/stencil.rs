@@ -6,11 +6,15 @@ use tilewright::{
     Error, Frame, Image, ImageInfo, ImageUse, Picture, Samples, classic, compute,
     format::{Format, VertexFormat},
     image::Extent,
-    pass::{BufferRange, Draw, Executor, Pass, Pipeline, VertexAttribute, VertexBinding},
+    pass::{
+        Binding, BindingSet, BufferRange, Draw, Executor, Pass, Pipeline, VertexAttribute,
+        VertexBinding,
+    },
     shader::{Shader, Stage},
     state::{Blend, Compare, Cull, DepthState, ResolveMode},
     stencil::{StencilFace, StencilOp, StencilState},
     target::{ColorTarget, DepthTarget, LoadOp, StencilTarget, StoreOp},
+    texture::{Sampler, Texture},
 };
 
 mod images;
@@ -239,11 +243,27 @@ fn targets_that_make_no_sense_are_refused() {
             "depth target",
         ),
     ];
+    let sampled = "#version 450
+        layout(binding = 0) uniform sampler2D depths;
+        layout(location = 0) out vec4 written;
+        void main() { written = texelFetch(depths, ivec2(0), 0); }";
+    let set =
+        BindingSet::new([(0, Binding::sampled(Texture::on_device(&both), Sampler::nearest()))]);
+    let own = stencil(StencilTarget::on_device(&both, LoadOp::Clear(0)))
+        .pipelines([pipeline(sampled)])
+        .draws([over_all(0, 0.5, false).sets([set])]);
+    let cases = cases.into_iter().chain([(own, "is a target of the pass")]);
     let mut compute = compute(&gpu);
     for (pass, text) in cases {
         let fault = compute.render(&pass).unwrap_err();
         assert!(matches!(&fault, Error::Usage(found) if found.contains(text)), "{text}: {fault}");
     }
+    // Depths go to an image without its stencil values.
+    let mark = StencilTarget::on_device(&both, LoadOp::Clear(77));
+    compute.render(&pass.clone().stencil(mark)).unwrap();
+    both.upload(&[vec![0u8; 4 * 64]]).unwrap();
+    assert_eq!(both.download_stencil(0, 0).unwrap().bytes, [77; 64]);
+    assert_eq!(Picture::filled(extent, Format::S8Uint, [5u32; 4]).bytes, [5; 64]);
     let fault = depth.download_stencil(0, 0).unwrap_err();
     assert!(matches!(&fault, Error::Usage(text) if text.contains("no stencil values")), "{fault}");
 }

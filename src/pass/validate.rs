@@ -263,7 +263,8 @@ fn check_texture(texture: &Texture, pass: &Pass) -> Fault {
         }
         let colors = pass.colors.iter().filter_map(|color| color.image.as_ref());
         let depth = pass.depth.iter().filter_map(|depth| depth.image.as_ref());
-        if colors.chain(depth).any(|target| target.is(image)) {
+        let stencil = pass.stencil.iter().filter_map(|stencil| stencil.image.as_ref());
+        if colors.chain(depth).chain(stencil).any(|target| target.is(image)) {
             return Err("is a target of the pass that binds it: draw to another image".into());
         }
         return Ok(());

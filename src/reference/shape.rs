@@ -15,6 +15,9 @@ use crate::{
     state::{LineMode, PrimitiveKind},
 };
 
+/// Beyond this no corner of a shape is drawn.
+const FAR_OUT: f32 = (1 << abi::GUARD_LOG2) as f32 - 1024.0;
+
 /// A parallelogram and the plane of its depths.
 pub struct Shape {
     /// In 1/256 pixel from the centre of pixel (0, 0), clockwise.
@@ -37,8 +40,13 @@ pub fn of(
     let cuts = |p: Vec4| clips && (beyond(p, 4) || beyond(p, 5));
     let window = &assembled.window;
     if pipeline.topology.kind() == PrimitiveKind::Point {
-        let dropped = a[3] <= 0.0 || cuts(a);
-        return (!dropped).then(|| point(to_window(window, a, false), size, samples));
+        if a[3] <= 0.0 || cuts(a) {
+            return None;
+        }
+        let place = to_window(window, a, false);
+        // No target reaches so far, and not-a-number is nowhere.
+        let is_near = place[..2].iter().all(|c| c.abs() < FAR_OUT);
+        return is_near.then(|| point(place, size, samples));
     }
     let behind = |p: Vec4| p[3] <= 0.0;
     let both = |plane| beyond(a, plane) && beyond(b, plane);
@@ -58,8 +66,7 @@ pub fn of(
         if !cut.is_empty() {
             ends = cut_line(window, [a, b], &cut)?;
         }
-        let far_out = (1 << abi::GUARD_LOG2) as f32 - 1024.0;
-        if ends.iter().all(|end| end[..2].iter().all(|c| c.abs() < far_out)) {
+        if ends.iter().all(|end| end[..2].iter().all(|c| c.abs() < FAR_OUT)) {
             break;
         }
         cut.extend(&sides);

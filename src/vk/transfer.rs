@@ -154,7 +154,9 @@ impl Recorder {
             at += room(bytes);
             regions.push(region);
         }
-        let before = match levels.len() == raw.levels as usize {
+        // Of depths and stencil values, the copy replaces the depths alone.
+        let has_other = raw.format.is_depth() && raw.format.is_stencil();
+        let before = match levels.len() == raw.levels as usize && !has_other {
             true => vk::ImageLayout::UNDEFINED,
             false => raw.shader_layout(),
         };

@@ -135,16 +135,17 @@ fn a_mirrored_node_turns_the_front_face_round() {
 }
 
 #[test]
-fn modes_that_are_triangles_are_drawn_and_others_are_named() {
+fn every_mode_is_drawn() {
     for (mode, topology) in [
-        (4, Some(Topology::TriangleList)),
-        (5, Some(Topology::TriangleStrip)),
-        (6, Some(Topology::TriangleFan)),
-        (0, None),
-        (1, None),
-        (3, None),
+        (4, Topology::TriangleList),
+        (5, Topology::TriangleStrip),
+        (6, Topology::TriangleFan),
+        (0, Topology::PointList),
+        (1, Topology::LineList),
+        (2, Topology::LineStrip),
+        (3, Topology::LineStrip),
     ] {
-        // Unlit, so that no normals are made and the mode stays what it is.
+        // Unlit, so that no normals are made and triangles stay what they are.
         let text = triangle("", &format!(r#","mode":{mode},"material":0"#)).replace(
             r#""accessors""#,
             r#""materials":[{"extensions":{"KHR_materials_unlit":{}}}],"accessors""#,
@@ -152,8 +153,10 @@ fn modes_that_are_triangles_are_drawn_and_others_are_named() {
         let case = Case::new(&[("a.gltf", text.as_bytes())]);
         let scene = case.load("a.gltf");
         let pass = pass(&scene);
-        assert_eq!(pass.pipelines.first().map(|p| p.topology), topology, "mode {mode}");
-        assert_eq!(scene.warnings().is_empty(), topology.is_some(), "{:?}", scene.warnings());
+        assert_eq!(pass.pipelines[0].topology, topology, "mode {mode}");
+        // A loop ends where it began.
+        assert_eq!(pass.draws[0].count, if mode == 2 { 4 } else { 3 }, "mode {mode}");
+        assert_eq!(scene.warnings(), [] as [String; 0], "mode {mode}");
     }
 }
 

@@ -122,8 +122,6 @@ fn bands_have_their_rows() {
 /// Shaders sample stencil values as integers, and of an image of both the depths.
 #[test]
 fn values_are_sampled_as_integers() {
-    use tilewright::pass::{Binding, BindingSet};
-    use tilewright::texture::{Sampler, Texture};
     on_each_gpu("stencil values are sampled as integers", |gpu| {
         let extent = Extent::new(16, 16);
         let info = ImageInfo::new("values", extent, Format::S8Uint, ImageUse::Attachment);
