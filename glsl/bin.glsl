@@ -84,7 +84,7 @@ bool beats(const Bin bin, const uint i, const ivec2 p, const uint s, const float
 }
 
 // Whether a triangle with this stencil test passes at a sample of the bin's pixel at `p`, where it beats all that was there.
-// Then the sample gets its stencil value. `StencilState::unordered` says why it stays, unless another triangle beats this one.
+// If it does, its stencil value is written. A triangle that wins later writes its own (`StencilState::unordered`).
 bool stencil_takes(const Bin bin, const ivec2 p, const uint s, const uvec2 face) {
     if (!is_tested(face)) return true;
     uint at = depth_place(bin, p, s), held = stencil[at];

@@ -28,7 +28,7 @@ uint bound_piece = NONE;
 uint bound_resources = NONE;
 vec2 viewport_scale, viewport_offset; // in pixels
 uint first_in_draw, primitives_per_instance;
-uint piece_varyings, piece_vertices, varying_stride, line_mode;
+uint piece_varyings, piece_vertices, varying_stride;
 
 // The triangle that a quad shades, with the fields that shading needs.
 struct Bound {
@@ -70,7 +70,6 @@ void bind(const uint piece) {
     piece_varyings = vertices.x;
     varying_stride = vertices.y;
     piece_vertices = vertices.z;
-    if (PRIMITIVES == PRIMITIVE_KIND_LINE) line_mode = pieces[piece].line_mode;
     if (numbers.w == bound_resources) return;
     bound_resources = numbers.w;
     tw_user_bind();
@@ -95,7 +94,7 @@ Bound bind_triangle(const uint key) {
     vec4 a = uintBitsToFloat(of_first_half(two)), b = uintBitsToFloat(of_second_half(two));
     vec4 c = uintBitsToFloat(of_first_half(third));
     vec3 w = vec3(a.w, b.w, c.w);
-    // Of points and lines, the last vertex comes twice.
+    // Of points and lines, the first vertex comes again as the last.
     uint first = PRIMITIVES == PRIMITIVE_KIND_TRIANGLE ? nearest(w) : 0u;
     float side = 0.0;
     if (PRIMITIVES == PRIMITIVE_KIND_POINT) {

@@ -89,8 +89,7 @@ float weigh(const Bound triangle, const vec2 place, out vec3 with, out vec3 with
     vec2 ndc = (place + 0.5 - viewport_offset) / viewport_scale;
     if (PRIMITIVES == PRIMITIVE_KIND_POINT) with = vec3(1.0, 0.0, 0.0);
     else if (PRIMITIVES == PRIMITIVE_KIND_LINE) {
-        vec2 axis = (triangle.flags & TRIANGLE_STEEP) != 0u ? vec2(0.0, 1.0) : vec2(1.0, 0.0);
-        axis *= line_mode == LINE_MODE_BRESENHAM ? 1.0 : 0.0;
+        vec2 axis = vec2((triangle.flags & TRIANGLE_ALONG_X) != 0u, (triangle.flags & TRIANGLE_ALONG_Y) != 0u);
         with = line_weights(triangle.x, triangle.y, triangle.w, ndc, viewport_scale, axis);
     }
     else with = perspective_weights(triangle.x, triangle.y, triangle.w, ndc);

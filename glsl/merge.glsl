@@ -27,17 +27,17 @@ bool passes(const Tests tests, const uint at, const float z, const bool writes) 
     bool passed = (tests.state & DEPTH_STATE_TEST) == 0u || compare(tests.state >> DEPTH_STATE_COMPARE_SHIFT, z, depth[at]);
     if (is_tested(tests.face)) {
         uint held = stencil[at], shift = passed ? STENCIL_PASS_SHIFT : STENCIL_DEPTH_FAIL_SHIFT;
-        bool is_equal = stencil_passes(tests.face, held);
-        if (writes) stencil[at] = stencil_after(tests.face, is_equal ? shift : STENCIL_FAIL_SHIFT, held);
-        passed = passed && is_equal;
+        bool here = stencil_passes(tests.face, held);
+        if (writes) stencil[at] = stencil_after(tests.face, here ? shift : STENCIL_FAIL_SHIFT, held);
+        passed = passed && here;
     }
     if (passed && writes && (tests.state & DEPTH_STATE_WRITE) != 0u) depth[at] = z;
     return passed;
 }
 
 // The samples of `mask` that pass the tests; `mask` is not 0. They belong to the target's pixel `pixel`, which has the number
-// `number` in the band. If `writes`, the targets of depth and stencil change. If
-// all samples have the same depth, it is `one`.
+// `number` in the band. If `writes`, depth and stencil values change as the tests
+// say. If all samples have the same depth, it is `one`.
 uint passing(const Tests tests, const uint mask, const ivec2 pixel, const uint number, const float one, const bool writes) {
     uint passed = 0u;
     for (uint s = 0u; s < SAMPLES; s++) {

@@ -39,8 +39,8 @@ const uint COLUMNS_LOG2 = BIN_SIZE_LOG2 - PATCH_X_LOG2;
 const uint PARTS = SUBGROUP_WIDTH < 8u ? 2u : 1u;
 const uint ROWS = (1u << (BIN_SIZE_LOG2 - PATCH_Y_LOG2)) / PARTS;
 const bool EARLY = DEPTH == DEPTH_EARLY || DEPTH == DEPTH_EARLY_TEST;
-// Whether all pixels under the box of a triangle are tested first. Stencil values may change where a test fails, and of several
-// samples nothing is written at first.
+// Whether pixels that fail are left out before quads are shaded. That first round writes nothing if pixels have several samples;
+// but a stencil value may change where a test fails.
 const bool FIRST = EARLY && !(STENCIL && SAMPLES > 1u && DEPTH == DEPTH_EARLY);
 
 // Records for a trace that the samples `mask` of pixel `i` of the bin show the triangle of `key`.

@@ -102,7 +102,7 @@ bool make_line(const vec3 a, const vec3 b, const float width, const uint mode, i
     if (mode == LINE_MODE_BRESENHAM) {
         bool steep = abs(d.x) < abs(d.y);
         float slope = exact_divide(flush(steep ? d.x : d.y), steep ? d.y : d.x);
-        shape.flags = steep ? TRIANGLE_STEEP : 0u;
+        shape.flags = steep ? TRIANGLE_ALONG_Y : TRIANGLE_ALONG_X;
         way = d * (1.0 + slope * slope) * (steep ? vec2(0.0, 1.0) : vec2(1.0, 0.0));
         bresenham(a.xy, b.xy, width, shape);
     } else {
@@ -138,16 +138,18 @@ bool make_shape(const Piece piece, const uvec3 slots, const uvec4 from, const uv
     uint cut = code & planes;
     if ((code & OUT_BEHIND) != 0u && cut == 0u) cut = code & OUT_SIDES;
     Viewport viewport = Viewport(vec3(piece.scale, piece.depth_scale), vec3(piece.offset, piece.depth_offset));
+    bool placed = true;
     for (uint attempt = 0u; attempt < 2u; attempt++) {
         if (cut != 0u) {
             vec4 p = sanitized(positions[slots.x]), q = sanitized(positions[slots.y]);
-            if (!cut_line(p, q, cut) || flush(p.w) <= 0.0 || flush(q.w) <= 0.0) return false;
-            a = window_position(viewport, p, (from.w & OUT_PLANES) != 0u);
-            b = window_position(viewport, q, (to.w & OUT_PLANES) != 0u);
+            if (!cut_line(p, q, cut)) return false;
+            placed = flush(p.w) > 0.0 && flush(q.w) > 0.0;
+            if (placed) a = window_position(viewport, p, (from.w & OUT_PLANES) != 0u);
+            if (placed) b = window_position(viewport, q, (to.w & OUT_PLANES) != 0u);
         }
-        if (all(lessThan(abs(vec4(a.xy, b.xy)), vec4(far_out)))) break;
+        if (placed && all(lessThan(abs(vec4(a.xy, b.xy)), vec4(far_out)))) break;
         cut |= code & OUT_SIDES;
     }
-    return make_line(a, b, piece.line_width, piece.line_mode, shape);
+    return placed && make_line(a, b, piece.line_width, piece.line_mode, shape);
 }
 #endif

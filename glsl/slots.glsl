@@ -19,7 +19,7 @@ uint piece_of_primitive(const uint primitive) {
 uvec3 vertex_slots(const Piece piece, const uint in_piece) {
     if (piece.vertex_mode != VERTEX_RANGED) {
         uint corners = corners_of(piece.topology), step = piece.vertex_mode == VERTEX_PER_QUAD ? QUAD : corners;
-        return piece.vertex_base + step * in_piece + min(uvec3(0u, 1u, 2u), uvec3(corners - 1u));
+        return piece.vertex_base + step * in_piece + uvec3(0u, corners > 1u ? 1u : 0u, corners > 2u ? 2u : 0u);
     }
     uint q = piece.first_in_draw + in_piece;
     uint instance = divide(q, piece.primitives_per_instance);

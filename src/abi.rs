@@ -169,8 +169,10 @@ shared_constants! {
     pub const TRIANGLE_EXTRA_SHIFT: u32 = 8;
     /// [`Triangle::flags`]: bits of that number.
     pub const TRIANGLE_EXTRA_BITS: u32 = 4;
-    /// [`Triangle::flags`]: it is half of a Bresenham line that is rather steep.
-    pub const TRIANGLE_STEEP: u32 = 4096;
+    /// [`Triangle::flags`]: it is half of a line whose inputs change along x alone.
+    pub const TRIANGLE_ALONG_X: u32 = 4096;
+    /// [`Triangle::flags`]: it is half of a line whose inputs change along y alone.
+    pub const TRIANGLE_ALONG_Y: u32 = 8192;
     /// [`Triangle::flags`]: first of eight bits, the exponent of the largest depth of its corners if they are adjusted.
     pub const TRIANGLE_EXPONENT_SHIFT: u32 = 16;
 

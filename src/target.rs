@@ -221,7 +221,7 @@ impl DepthTarget {
 #[non_exhaustive]
 pub struct StencilTarget {
     /// As [`ColorTarget::image`]; [`super::pass::Frame::stencil`] has its content. An image of [`Format::S8Uint`], or one of depths
-    /// and stencil values: the same one that the depth target is, or another one.
+    /// and stencil values: that of the depth target, or another one, which `classic` refuses.
     pub image: Option<vk::Image>,
     /// As [`ColorTarget::level`].
     pub level: u32,

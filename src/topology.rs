@@ -44,7 +44,7 @@ impl Topology {
         }
     }
 
-    /// Vertices that `primitives` are assembled from, at least one of them.
+    /// Vertices that so many `primitives`, not none, are assembled from.
     pub(crate) const fn elements(self, primitives: u32) -> u32 {
         match self {
             Topology::PointList => primitives,

@@ -2,12 +2,12 @@
 
 use crate::common::{gpu, on_each_gpu, random::Random};
 use tilewright::{
-    Error, Frame, Picture, Samples, classic, compute,
+    Buffer, Error, Frame, Picture, Samples, classic, compute,
     format::{Format, VertexFormat},
     image::Extent,
     pass::{
-        BufferRange, Draw, Executor, IndexFormat, Indices, Pass, Pipeline, VertexAttribute,
-        VertexBinding,
+        BufferRange, Draw, Executor, IndexFormat, Indices, Indirect, IndirectCommand, Pass,
+        Pipeline, VertexAttribute, VertexBinding,
     },
     shader::{Shader, Stage},
     state::{Blend, Compare, Cull, DepthState, LineMode, Rect, Topology, Viewport},

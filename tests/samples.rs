@@ -1,15 +1,20 @@
 //! Do pixels have several samples as Vulkan says: coverage, depth and colour of each, and what becomes of them?
 
 use crate::{
-    common::{gpu, on_each_gpu, random::Random},
+    common::{
+        gpu,
+        mesh::{Corner, FRAGMENT, VERTEX, draw, pipeline},
+        on_each_gpu,
+        random::Random,
+    },
     targets,
 };
 use std::sync::Arc;
 use tilewright::{
     Error, Frame, Picture, Samples, classic, compute,
-    format::{Format, VertexFormat},
+    format::Format,
     image::Extent,
-    pass::{BufferRange, Draw, Executor, Pass, Pipeline, VertexAttribute, VertexBinding},
+    pass::{BufferRange, Draw, Executor, Pass, Pipeline},
     shader::{Shader, Stage},
     state::{Blend, Compare, DepthState, ResolveMode, Viewport},
     target::{ColorTarget, DepthTarget, LoadOp, StoreOp},
@@ -22,38 +27,7 @@ mod shading;
 
 const SIDE: u32 = 48;
 
-const VERTEX: &str = "#version 450
-    layout(location = 0) in vec4 corner;
-    layout(location = 1) in vec4 tint;
-    layout(location = 0) out vec4 color;
-    void main() { gl_Position = corner; color = tint; }";
-
-const FRAGMENT: &str = "#version 450
-    layout(location = 0) in vec4 color;
-    layout(location = 0) out vec4 written;
-    void main() { written = color; }";
-
 const SEVERAL: [Samples; 4] = [Samples::Two, Samples::Four, Samples::Eight, Samples::Sixteen];
-
-/// A pipeline for [`draw`].
-fn pipeline(fragment: &str) -> Pipeline {
-    let shader =
-        |stage, text| Shader::from_glsl(stage, "samples", text).unwrap_or_else(|e| panic!("{e}"));
-    Pipeline::new("samples", shader(Stage::Vertex, VERTEX), shader(Stage::Fragment, fragment))
-        .vertex_bindings([VertexBinding::per_vertex(32)])
-        .vertex_attributes([
-            VertexAttribute::new(0, 0, VertexFormat::F32X4, 0),
-            VertexAttribute::new(1, 0, VertexFormat::F32X4, 16),
-        ])
-}
-
-/// A vertex: its place in clip space and its colour.
-type Corner = [[f32; 4]; 2];
-
-fn draw(pipeline: usize, corners: &[Corner]) -> Draw {
-    let range = BufferRange::host("corners", bytemuck::cast_slice(corners).to_vec());
-    Draw::new(pipeline, corners.len() as u32).vertex_buffers([range])
-}
 
 /// A triangle over everything, at a depth and of a colour. It lies in its viewport, so that clipping does not divide it: pixels
 /// on the line between two parts have fragments of both.

@@ -1,16 +1,17 @@
 //! Does the stencil test do what Vulkan says: values, their order, targets in images, and work whose order does not matter?
 
-use crate::common::{gpu, on_each_gpu, random::Random};
+use crate::common::{
+    gpu,
+    mesh::{Corner, FRAGMENT, draw, pipeline},
+    on_each_gpu,
+    random::Random,
+};
 use std::sync::Arc;
 use tilewright::{
     Error, Frame, Image, ImageInfo, ImageUse, Picture, Samples, classic, compute,
-    format::{Format, VertexFormat},
+    format::Format,
     image::Extent,
-    pass::{
-        Binding, BindingSet, BufferRange, Draw, Executor, Pass, Pipeline, VertexAttribute,
-        VertexBinding,
-    },
-    shader::{Shader, Stage},
+    pass::{Binding, BindingSet, Draw, Executor, Pass, Pipeline},
     state::{Blend, Compare, Cull, DepthState, ResolveMode},
     stencil::{StencilFace, StencilOp, StencilState},
     target::{ColorTarget, DepthTarget, LoadOp, StencilTarget, StoreOp},
@@ -21,37 +22,6 @@ mod images;
 mod order;
 
 const SIDE: u32 = 48;
-
-const VERTEX: &str = "#version 450
-    layout(location = 0) in vec4 corner;
-    layout(location = 1) in vec4 tint;
-    layout(location = 0) out vec4 color;
-    void main() { gl_Position = corner; color = tint; }";
-
-const FRAGMENT: &str = "#version 450
-    layout(location = 0) in vec4 color;
-    layout(location = 0) out vec4 written;
-    void main() { written = color; }";
-
-/// A pipeline for [`draw`].
-fn pipeline(fragment: &str) -> Pipeline {
-    let shader =
-        |stage, text| Shader::from_glsl(stage, "stencil", text).unwrap_or_else(|e| panic!("{e}"));
-    Pipeline::new("stencil", shader(Stage::Vertex, VERTEX), shader(Stage::Fragment, fragment))
-        .vertex_bindings([VertexBinding::per_vertex(32)])
-        .vertex_attributes([
-            VertexAttribute::new(0, 0, VertexFormat::F32X4, 0),
-            VertexAttribute::new(1, 0, VertexFormat::F32X4, 16),
-        ])
-}
-
-/// A vertex: its place in clip space and its colour.
-type Corner = [[f32; 4]; 2];
-
-fn draw(pipeline: usize, corners: &[Corner]) -> Draw {
-    let range = BufferRange::host("corners", bytemuck::cast_slice(corners).to_vec());
-    Draw::new(pipeline, corners.len() as u32).vertex_buffers([range])
-}
 
 /// A triangle over everything, at this depth. It is a front face, unless it is reversed.
 fn over_all(pipeline: usize, depth: f32, reversed: bool) -> Draw {
@@ -67,28 +37,6 @@ fn compute(gpu: &tilewright::Gpu) -> compute::Renderer {
     compute::Renderer::new(gpu).unwrap()
 }
 
-const OPS: [StencilOp; 8] = [
-    StencilOp::Keep,
-    StencilOp::Zero,
-    StencilOp::Replace,
-    StencilOp::IncrementAndClamp,
-    StencilOp::DecrementAndClamp,
-    StencilOp::Invert,
-    StencilOp::IncrementAndWrap,
-    StencilOp::DecrementAndWrap,
-];
-
-const COMPARES: [Compare; 8] = [
-    Compare::Never,
-    Compare::Less,
-    Compare::Equal,
-    Compare::LessOrEqual,
-    Compare::Greater,
-    Compare::NotEqual,
-    Compare::GreaterOrEqual,
-    Compare::Always,
-];
-
 /// A target whose pixels hold 0 to 255.
 fn all_values() -> Picture {
     let (extent, bytes) = (Extent::new(16, 16), (0..=255).collect());
@@ -102,7 +50,8 @@ fn each_value_becomes_what_the_specification_says() {
         let mut compute = compute(gpu);
         let plain = pipeline(FRAGMENT);
         let mut random = Random::new(12_900);
-        for (op, compare) in OPS.into_iter().flat_map(|op| COMPARES.map(|compare| (op, compare))) {
+        let compares = |op| Compare::ALL.iter().map(move |&compare| (op, compare));
+        for (op, compare) in StencilOp::ALL.iter().copied().flat_map(compares) {
             let byte = |random: &mut Random| {
                 [0, 1, 0x0f, 0x55, 0xfe, 0xff, random.bits() as u8][random.below(7)]
             };

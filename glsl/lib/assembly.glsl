@@ -9,13 +9,13 @@ uint corners_of(const uint topology) {
 }
 
 // The provoking vertex comes first; strips swap two of every other triangle to keep the winding. Points and lines repeat
-// their last vertex.
+// their first vertex.
 uvec3 assemble(const uint topology, const uint k) {
     if (topology == TOPOLOGY_TRIANGLE_LIST) return 3u * k + uvec3(0u, 1u, 2u);
     if (topology == TOPOLOGY_TRIANGLE_STRIP) return k + uvec3(0u, 1u + (k & 1u), 2u - (k & 1u));
     if (topology == TOPOLOGY_TRIANGLE_FAN) return uvec3(k + 1u, k + 2u, 0u);
     if (topology == TOPOLOGY_POINT_LIST) return uvec3(k);
-    return (topology == TOPOLOGY_LINE_LIST ? 2u * k : k) + uvec3(0u, 1u, 1u);
+    return (topology == TOPOLOGY_LINE_LIST ? 2u * k : k) + uvec3(0u, 1u, 0u);
 }
 
 // The primitives of `count` elements.

@@ -1,7 +1,8 @@
-// Depth of a triangle at a pixel: a plane through the unsnapped corners, which starts from its depth at the
-// centre of pixel (0, 0) or, if pixels have several samples, at its upper left corner. A plane that starts at a corner is more accurate for steep triangles far from the origin.
-// But devices start at (0, 0), and where two surfaces coincide, the winner depends on it: with the other
-// plane, thousands of pixels in some rooms differ from the device's own pipeline.
+// Depth of a triangle at a pixel: a plane through the unsnapped corners of the triangle. It starts from its depth in the pixel
+// (0, 0) of the target: in the centre of that pixel or, if pixels have several samples, at the upper left of it. A plane that
+// starts at a corner of the triangle is more accurate for steep triangles far from there. But devices start in that pixel, and
+// where two surfaces coincide, the winner depends on it: with the other plane, thousands of pixels in some rooms differ from the
+// device's own pipeline.
 // The file that includes this one defines ADJUSTED: whether triangles may have an adjustment, which is a bias and the least and
 // the greatest depth. The bias is added at each pixel, as devices do: the plane has lost the last bits of small depths. The file
 // also defines DEPTH_BITS: the bits of a depth in the target, 16 or 24, or 0 if the target holds floats.
@@ -24,8 +25,8 @@ vec3 usable_plane(const vec3 plane, const float z) {
     return vec3(settled(used.x), settled(used.y), settled(used.z));
 }
 
-// Change of depth per pixel to the right and down, and the depth at the centre of the pixel (0, 0),
-// from window positions. If pixels have several samples, `start` is 0 for the corner of that pixel, and else 0.5. A triangle without area before snapping has the depth of its first corner.
+// Change of depth per pixel to the right and down, and the depth at the place (`start`, `start`) of pixel (0, 0), from window
+// positions. `start` is 0.5 or, if pixels have several samples, 0. A triangle without area before snapping has the depth of its first corner.
 vec3 depth_plane(const vec3 a, const vec3 b, const vec3 c, const float start) {
     vec3 ab = a - b, ca = c - a;
     float area = ab.x * ca.y - ab.y * ca.x;

@@ -74,7 +74,8 @@ const _: () = assert!(abi::TRIANGLE_ADJUSTED == 8, "TRIANGLE_ADJUSTED has change
 const _: () = assert!(abi::TRIANGLE_LEVEL_SHIFT == 4, "TRIANGLE_LEVEL_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXTRA_SHIFT == 8, "TRIANGLE_EXTRA_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXTRA_BITS == 4, "TRIANGLE_EXTRA_BITS has changed: run `cargo spirv`");
-const _: () = assert!(abi::TRIANGLE_STEEP == 4096, "TRIANGLE_STEEP has changed: run `cargo spirv`");
+const _: () = assert!(abi::TRIANGLE_ALONG_X == 4096, "TRIANGLE_ALONG_X has changed: run `cargo spirv`");
+const _: () = assert!(abi::TRIANGLE_ALONG_Y == 8192, "TRIANGLE_ALONG_Y has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXPONENT_SHIFT == 16, "TRIANGLE_EXPONENT_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::SECOND_SOURCE == 256, "SECOND_SOURCE has changed: run `cargo spirv`");
 const _: () = assert!(abi::MAX_COLORS == 8, "MAX_COLORS has changed: run `cargo spirv`");

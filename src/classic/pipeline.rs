@@ -3,7 +3,7 @@
 use super::{
     blend::{blend_state, logic_op},
     layout::Layout,
-    primitives::{line_state, line_width, of_lines, primitive_topology},
+    primitives::{line_state, line_width, of_primitives, primitive_topology},
     stencil::stencil_state,
     target::depth_stencil_format,
 };
@@ -403,7 +403,7 @@ fn create(
             "switch of its own for depth clipping (depthClipEnable)",
         ),
     ];
-    let mut wanted = wanted.into_iter().chain(of_lines(pipeline, limits));
+    let mut wanted = wanted.into_iter().chain(of_primitives(pipeline, limits));
     if let Some((.., lacking)) = wanted.find(|(wanted, offered, _)| *wanted && !offered) {
         return Err(Error::Device(format!(
             "pipeline `{}`: {} itself has no {lacking}; the compute executor does",

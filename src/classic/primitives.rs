@@ -41,15 +41,21 @@ pub(super) fn line_state(
     draws_lines(pipeline).then(|| state.line_rasterization_mode(mode))
 }
 
-/// What lines need of a device: whether they do, whether it is there, and what it is.
-pub(super) fn of_lines(
+/// What points and lines need of a device: whether they do, whether it is there, and what it is.
+pub(super) fn of_primitives(
     pipeline: &Pipeline,
     limits: &DrawLimits,
-) -> [(bool, bool, &'static str); 4] {
+) -> [(bool, bool, &'static str); 5] {
     let lines = draws_lines(pipeline);
     let bresenham = lines && pipeline.line_mode == LineMode::Bresenham;
     let [thinnest, widest] = limits.line_widths;
+    let points = pipeline.topology.kind() == PrimitiveKind::Point;
     [
+        (
+            points && !pipeline.vertex.reflection.writes_point_size,
+            false,
+            "size for points whose vertex shader writes no gl_PointSize, as in all of Vulkan",
+        ),
         (
             lines && !bresenham,
             limits.rectangular_lines || limits.strict_lines,

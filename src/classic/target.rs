@@ -91,6 +91,16 @@ fn depth_stencil(gpu: &Gpu, pass: &Pass) -> Result<Option<Target>> {
         let begin = Begin::new(gpu, load, |value| cleared(0.0, value))?;
         parts.push(Part::new(Aspect::Stencil, begin, *store, *resolve));
     }
+    if pass.samples != Samples::One
+        && let [depth, stencil] = &parts[..]
+        && !resolves_both(gpu, [depth, stencil])
+    {
+        return Err(Error::Device(format!(
+            "pass `{}`: {} itself does not resolve depths in one way and stencil values in another; the compute executor does",
+            pass.label,
+            gpu.info().name
+        )));
+    }
     let depth = pass.depth.iter().map(|depth| (&depth.image, depth.level, depth.layer));
     let stencil = pass.stencil.iter().map(|of| (&of.image, of.level, of.layer));
     let mut places = depth.chain(stencil).filter_map(|(image, level, layer)| {
@@ -98,6 +108,14 @@ fn depth_stencil(gpu: &Gpu, pass: &Pass) -> Result<Option<Target>> {
     });
     let name = if pass.depth.is_some() { "depth target" } else { "stencil target" };
     Target::new(gpu, &info(name, pass, format), places.next(), parts).map(Some)
+}
+
+/// Whether the device resolves both of these parts as they want it.
+fn resolves_both(gpu: &Gpu, parts: [&Part; 2]) -> bool {
+    let limits = &gpu.0.draw_limits;
+    let [a, b] = parts.map(|part| (part.store == StoreOp::Store).then_some(part.resolve));
+    let one_alone = a.is_none() || b.is_none();
+    a == b || limits.resolves_apart || (one_alone && limits.resolves_one)
 }
 
 fn cleared(depth: f32, stencil: u8) -> vk::ClearValue {

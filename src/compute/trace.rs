@@ -178,11 +178,11 @@ impl Names<'_> {
             let instance = piece.instance_min + local / piece.vertices_per_instance;
             (instance, piece.vertex_min + local % piece.vertices_per_instance)
         } else {
-            let all = Topology::ALL.iter();
-            let topology = all.copied().find(|topology| *topology as u32 == piece.topology);
-            let corners = topology.map_or(3, |topology| topology.kind() as u32);
+            let topology = Topology::ALL.iter().copied().find(|t| *t as u32 == piece.topology);
+            let topology = topology.expect("the planner took it from a pipeline");
+            let corners = topology.kind() as u32;
             let primitive = piece.first_in_draw + local / corners;
-            let elements = elements(piece.topology, primitive % piece.primitives_per_instance);
+            let elements = elements(topology, primitive % piece.primitives_per_instance);
             let vertex = self.index(piece, elements[(local % corners) as usize]);
             (primitive / piece.primitives_per_instance, vertex)
         };
@@ -212,18 +212,14 @@ fn contents(buffers: &HashMap<u32, Arc<BufferSource>>) -> Result<HashMap<u32, Co
 }
 
 /// The elements of primitive `k` of an instance, as `glsl/lib/assembly.glsl` has them.
-fn elements(topology: u32, k: u32) -> [u32; 3] {
-    if topology == Topology::TriangleList as u32 {
-        [3 * k, 3 * k + 1, 3 * k + 2]
-    } else if topology == Topology::TriangleStrip as u32 {
-        [k, k + 1 + k % 2, k + 2 - k % 2]
-    } else if topology == Topology::TriangleFan as u32 {
-        [k + 1, k + 2, 0]
-    } else if topology == Topology::PointList as u32 {
-        [k; 3]
-    } else {
-        let first = if topology == Topology::LineList as u32 { 2 * k } else { k };
-        [first, first + 1, first + 1]
+fn elements(topology: Topology, k: u32) -> [u32; 3] {
+    match topology {
+        Topology::TriangleList => [3 * k, 3 * k + 1, 3 * k + 2],
+        Topology::TriangleStrip => [k, k + 1 + k % 2, k + 2 - k % 2],
+        Topology::TriangleFan => [k + 1, k + 2, 0],
+        Topology::PointList => [k; 3],
+        Topology::LineList => [2 * k, 2 * k + 1, 2 * k],
+        Topology::LineStrip => [k, k + 1, k],
     }
 }
 

@@ -216,3 +216,45 @@ pub(crate) fn depth_mode(fragment: &Reflection) -> u32 {
         abi::DEPTH_EARLY_TEST
     }
 }
+
+#[cfg(all(test, feature = "glsl"))]
+mod tests {
+    use super::*;
+    use crate::{
+        shader::Stage,
+        state::{DepthState, Topology},
+        stencil::{StencilFace, StencilOp},
+    };
+
+    /// Which of these pipelines are opaque work, and what of it they do with stencil values.
+    #[test]
+    fn stencil_tests_decide_the_method() {
+        let shader = |stage, text| Arc::new(Shader::from_glsl(stage, "plain", text).unwrap());
+        let vertex = shader(Stage::Vertex, "#version 460\nvoid main() { gl_Position = vec4(0); }");
+        let color = "#version 460\nlayout(location = 0) out vec4 c; void main() { c = vec4(1); }";
+        let plain = Pipeline::new("plain", vertex, shader(Stage::Fragment, color));
+        let plain = plain.depth(DepthState::LESS);
+        let samples = Samples::One;
+        let targets = TargetKinds { colors: 1, depth: true, stencil: true, samples };
+        let of = |pipeline: &Pipeline| match method(pipeline, targets, 0) {
+            Method::Opaque { stencil, .. } => Some(stencil),
+            Method::Ordered { .. } => None,
+        };
+        let with = |face| plain.clone().stencil(StencilState::new(face));
+        let face = StencilFace::new(Compare::Always);
+        assert_eq!(of(&plain), Some(Stencil::Off));
+        assert_eq!(of(&with(StencilFace::new(Compare::Equal))), Some(Stencil::Compares));
+        let replace = with(face.pass(StencilOp::Replace).write_mask(12));
+        assert_eq!(of(&replace), Some(Stencil::Writes(12)));
+        assert_eq!(of(&with(face.pass(StencilOp::IncrementAndWrap))), None);
+        assert_eq!(of(&with(face.depth_fail(StencilOp::Zero))), None);
+        let none = TargetKinds { stencil: false, ..targets };
+        let unused = method(&replace, none, 0);
+        assert!(matches!(unused, Method::Opaque { stencil: Stencil::Off, .. }));
+        // Only triangles have backs, and only their faces are culled.
+        let counts = StencilState::new(face).front(face.pass(StencilOp::IncrementAndWrap));
+        let culled = plain.clone().stencil(counts).cull(Cull::Front);
+        assert_eq!(of(&culled), Some(Stencil::Compares));
+        assert_eq!(of(&culled.topology(Topology::LineList)), None);
+    }
+}

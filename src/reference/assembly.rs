@@ -78,8 +78,8 @@ fn elements(topology: Topology, i: u32) -> [u32; 3] {
         Topology::TriangleStrip => [i, i + (1 + i % 2), i + (2 - i % 2)],
         Topology::TriangleFan => [i + 1, i + 2, 0],
         Topology::PointList => [i; 3],
-        Topology::LineList => [2 * i, 2 * i + 1, 2 * i + 1],
-        Topology::LineStrip => [i, i + 1, i + 1],
+        Topology::LineList => [2 * i, 2 * i + 1, 2 * i],
+        Topology::LineStrip => [i, i + 1, i],
     }
 }
 

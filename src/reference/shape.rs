@@ -6,7 +6,6 @@
 use super::{
     assembly::Assembled,
     primitive::{Vec4, WindowPosition, distance, flush, planes, to_window, usable_plane},
-    window::Window,
 };
 use crate::{
     abi,
@@ -61,22 +60,34 @@ pub fn of(
     if cut.is_empty() && (behind(a) || behind(b)) {
         cut.extend(&sides);
     }
-    let mut ends = [to_window(window, a, false), to_window(window, b, false)];
+    let mut ends = Some([to_window(window, a, false), to_window(window, b, false)]);
     for _ in 0..2 {
         if !cut.is_empty() {
-            ends = cut_line(window, [a, b], &cut)?;
+            let cut = cut_line([a, b], &cut)?;
+            // An end at the eye has no place.
+            let has_places = cut.iter().all(|p| flush(p[3]) > 0.0);
+            let [p, q] = cut;
+            let places = || [to_window(window, p, made(a)), to_window(window, q, made(b))];
+            ends = has_places.then(places);
         }
-        if ends.iter().all(|end| end[..2].iter().all(|c| c.abs() < FAR_OUT)) {
+        let is_near = |end: &WindowPosition| end[..2].iter().all(|c| c.abs() < FAR_OUT);
+        if ends.is_some_and(|ends| ends.iter().all(is_near)) {
             break;
         }
         cut.extend(&sides);
         cut.sort_unstable();
         cut.dedup();
     }
-    line(ends, (pipeline.line_width, pipeline.line_mode), samples)
+    line(ends?, (pipeline.line_width, pipeline.line_mode), samples)
 }
 
-fn cut_line(window: &Window, [a, b]: [Vec4; 2], cut: &[usize]) -> Option<[WindowPosition; 2]> {
+/// Whether an end counts as made where its line is cut: also if it is merely beyond a side.
+fn made(end: Vec4) -> bool {
+    (0..6).any(|plane| distance(plane, end) < 0.0)
+}
+
+/// The ends that the planes `cut` leave of a line.
+fn cut_line([a, b]: [Vec4; 2], cut: &[usize]) -> Option<[Vec4; 2]> {
     let (mut ta, mut tb) = (0.0f32, 0.0f32);
     for &plane in cut {
         let (da, db) = (distance(plane, a), distance(plane, b));
@@ -96,13 +107,7 @@ fn cut_line(window: &Window, [a, b]: [Vec4; 2], cut: &[usize]) -> Option<[Window
     let between = |t: f32, from: Vec4, to: Vec4| -> Vec4 {
         std::array::from_fn(|i| from[i] + (to[i] - from[i]) * t)
     };
-    let (p, q) = (between(ta, a, b), between(tb, b, a));
-    if flush(p[3]) <= 0.0 || flush(q[3]) <= 0.0 {
-        return None;
-    }
-    // An end that is merely beyond a side counts as made, too.
-    let made = |p: Vec4| (0..6).any(|plane| distance(plane, p) < 0.0);
-    Some([to_window(window, p, made(a)), to_window(window, q, made(b))])
+    Some([between(ta, a, b), between(tb, b, a)])
 }
 
 /// To 1/256 pixel, halves to even.

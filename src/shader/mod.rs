@@ -265,6 +265,8 @@ pub struct Reflection {
     pub specialization: Vec<u32>,
     /// Fragment: `discard`, `demote` or `terminateInvocation` is reachable.
     pub discards: bool,
+    /// Vertex: may write `gl_PointSize`.
+    pub writes_point_size: bool,
     /// Fragment: reads `gl_PointCoord`.
     pub reads_point_coord: bool,
     /// Fragment: writes `gl_FragDepth`.

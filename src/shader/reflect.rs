@@ -57,6 +57,7 @@ pub(super) fn reflect(
             has_side_effect(instruction, |pointer| class_of(&index, pointer));
         reflection.takes_derivatives |= stage == Stage::Fragment && takes_derivative(op);
         reflection.interpolates |= stage == Stage::Fragment && interpolates(instruction);
+        reflection.writes_point_size |= reaches_point_size(&index, instruction);
     }
     Ok((reflection, details, reach::refusal(&index, &usage)?))
 }
@@ -148,6 +149,23 @@ fn interpolates(instruction: &Instruction) -> bool {
     let all = [InterpolateAtCentroid, InterpolateAtOffset, InterpolateAtSample].map(|op| op as u32);
     match (instruction.class.opcode, instruction.operands.get(1)) {
         (Op::ExtInst, Some(Operand::LiteralExtInstInteger(op))) => all.contains(op),
+        _ => false,
+    }
+}
+
+/// Whether an instruction stores to `gl_PointSize`, or points to it. Nobody reads it.
+fn reaches_point_size(index: &Index, instruction: &Instruction) -> bool {
+    let mut operands = ids(instruction);
+    let Some(base) = operands.next() else { return false };
+    match instruction.class.opcode {
+        Op::Store => index.built_in(base, None) == Some(BuiltIn::PointSize),
+        Op::AccessChain | Op::InBoundsAccessChain => {
+            let block = index.type_of(base).and_then(|pointer| index.pointer(pointer));
+            let member = operands.next().and_then(|id| index.constant(id).ok());
+            block.is_ok_and(|(_, ty)| {
+                member.is_some() && index.built_in(ty, member) == Some(BuiltIn::PointSize)
+            })
+        }
         _ => false,
     }
 }
@@ -384,6 +402,18 @@ mod tests {
         let plain = fragment("layout(location = 0) out vec4 c; void main() { c = gl_FragCoord; }");
         let r = &plain.reflection;
         assert!(!r.discards && !r.writes_depth && !r.has_side_effects && !r.takes_derivatives);
+    }
+
+    #[test]
+    fn sizes_of_points_are_found() {
+        let writes = |text: &str| {
+            let text = format!("#version 460\nvoid main() {{ gl_Position = vec4(0.0); {text} }}");
+            let shader = Shader::from_glsl(Stage::Vertex, "points", &text).unwrap();
+            shader.reflection.writes_point_size
+        };
+        assert!(writes("gl_PointSize = 2.0;"));
+        assert!(writes("if (gl_VertexIndex > 3) gl_PointSize = gl_Position.x;"));
+        assert!(!writes(""));
     }
 
     #[test]

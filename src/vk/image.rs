@@ -81,7 +81,7 @@ pub(crate) struct Subresource {
 /// A part of texels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) enum Aspect {
-    /// All of them but the stencil values beside depths.
+    /// Colours or depths; of a format that holds nothing else, stencil values.
     #[default]
     Main,
     /// Stencil values.

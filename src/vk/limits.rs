@@ -75,6 +75,9 @@ pub(crate) struct DrawLimits {
     pub depth_resolves: vk::ResolveModeFlags,
     /// How several samples of stencil values become one texel.
     pub stencil_resolves: vk::ResolveModeFlags,
+    /// Whether depths and stencil values are resolved in two ways, and whether one of them may not be resolved at all.
+    pub resolves_apart: bool,
+    pub resolves_one: bool,
     /// Whether clipping at the depth planes is a switch of its own.
     pub clips_depth_apart: bool,
     /// Which modes of lines may be asked for, and whether lines are rectangles unless one is.
@@ -122,6 +125,8 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         sample_shading: probe.features.core.sample_rate_shading == vk::TRUE,
         depth_resolves: probe.vulkan12.supported_depth_resolve_modes,
         stencil_resolves: probe.vulkan12.supported_stencil_resolve_modes,
+        resolves_apart: probe.vulkan12.independent_resolve == vk::TRUE,
+        resolves_one: probe.vulkan12.independent_resolve_none == vk::TRUE,
         clips_depth_apart: DEPTH_CLIP.is_on(&probe.features),
         rectangular_lines: RECTANGULAR_LINES.is_on(&probe.features),
         bresenham_lines: BRESENHAM_LINES.is_on(&probe.features),

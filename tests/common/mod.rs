@@ -8,6 +8,7 @@ mod compiler;
 #[cfg(all(feature = "glsl", not(feature = "glsl-bundled")))]
 #[path = "../../src/shader/system.rs"]
 mod compiler;
+pub mod mesh;
 pub mod random;
 pub mod vulkan;
 

@@ -197,3 +197,31 @@ fn lines_and_points_face_the_front() {
         }
     });
 }
+
+/// Commands in a buffer draw points, lines and strips as draws do.
+#[test]
+fn commands_draw_points_and_lines() {
+    on_each_gpu("commands draw points and lines", |gpu| {
+        let mut compute = compute::Renderer::new(gpu).unwrap();
+        let mut random = Random::new(16_700);
+        for topology in [Topology::PointList, Topology::LineList, Topology::LineStrip] {
+            let mut corners = lines(&mut random, 30, false);
+            corners.iter_mut().for_each(|corner| corner.size = 4.0);
+            let direct = draw(0, &corners[..31]).instances(2);
+            let mut later = direct.clone();
+            (later.first, later.count) = (7, 20);
+            let commands = [(0, 31, 2), (7, 20, 2)].map(|(first, count, instances)| {
+                IndirectCommand { count, instances, first, first_instance: 0 }
+            });
+            let buffer = Buffer::with_content(gpu, "commands", &commands).unwrap();
+            let indirect = direct.clone().indirect(Indirect::new(&buffer, 500));
+            let frames = [vec![direct, later], vec![indirect]].map(|draws| {
+                let pass = pass("commands")
+                    .pipelines([pipeline(FLAT).topology(topology).blend(Blend::ADD)])
+                    .draws(draws);
+                compute.render(&pass).unwrap()
+            });
+            assert!(assert_same(&frames, 0.0, "commands") > 100, "{topology:?}");
+        }
+    });
+}
