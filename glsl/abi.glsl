@@ -17,7 +17,6 @@ struct Batch {
     uint cell_columns[4];
     uint cells;
     uint primitives;
-    uint extra_first;
     uint piece_first;
     uint piece_count;
     uint run_first;
@@ -107,6 +106,7 @@ struct Piece {
     uvec2 stencil[2];
     float line_width;
     uint line_mode;
+    uint distances;
 };
 
 struct Attribute {
@@ -150,6 +150,7 @@ struct QuadPiece {
     uvec2 stencil[2];
     float line_width;
     uint line_mode;
+    uint distances;
 };
 
 // `Triangle` by pairs of words, one pair for each lane of a quad in either half.

@@ -21,7 +21,7 @@ layout(scalar, binding = 3) writeonly buffer Entries { uint entries[]; };
 layout(scalar, binding = 4) readonly buffer PrimitiveCells { uint primitive_cells[]; };
 
 void scatter(const uint key) {
-    uint at = key_triangle(key, batch.extra_first);
+    uint at = key_triangle(key, batch.primitives);
     uint flags = triangles[at].shading[3].y;
     if ((flags & TRIANGLE_VALID) == 0u) return;
     uint level = (flags >> TRIANGLE_LEVEL_SHIFT) & 3u;

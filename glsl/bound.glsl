@@ -43,11 +43,19 @@ struct Bound {
 
 Bound bound = Bound(0u, vec3(0.0), NO_ADJUSTMENT, 0u, vec3(0.0), vec3(0.0), vec3(0.0), 1.0, 0.0);
 
+// Distances come after all other varyings.
+const uint INPUT_LOCATIONS = MAX_VARYINGS + DISTANCE_LOCATIONS;
+
+// The index below of what is bound at `location`.
+uint input_index(const uint location) {
+    return location < DISTANCE_LOCATION ? location : MAX_VARYINGS + location - DISTANCE_LOCATION;
+}
+
 // Varyings, bound two locations at a time: the quad's first two lanes hold the words of the even location, two words
 // each, and its last two lanes those of the odd one. Each array has this lane's first word at the even location and
 // its second word at the odd one. A compiler drops a word that nothing reads.
-uvec3 parts[MAX_VARYINGS];    // as `differences` of `lib/interpolate.glsl` returns them
-uint provoking[MAX_VARYINGS]; // for flat varyings
+uvec3 parts[INPUT_LOCATIONS];    // as `differences` of `lib/interpolate.glsl` returns them
+uint provoking[INPUT_LOCATIONS]; // for flat varyings
 uvec3 varying_base;           // index of each vertex's first pair of words, the nearest vertex first
 uint provoking_base;
 
@@ -79,7 +87,7 @@ void bind(const uint piece) {
 // together. The quads of a large triangle follow each other and find it bound already.
 Bound bind_triangle(const uint key) {
     if (key == bound.key) return bound;
-    uvec2 own = triangles[key_triangle(key, batch.extra_first)].shading[QUAD_LANE];
+    uvec2 own = triangles[key_triangle(key, batch.primitives)].shading[QUAD_LANE];
     uvec4 fields = of_first_half(own), vertices = of_second_half(own);
     // Two lanes load each of the first two vertices, and all lanes load the third one too. The even lane of a
     // pair loads x and y, the odd one z and w; z is not used.
@@ -98,7 +106,7 @@ Bound bind_triangle(const uint key) {
     uint first = PRIMITIVES == PRIMITIVE_KIND_TRIANGLE ? nearest(w) : 0u;
     float side = 0.0;
     if (PRIMITIVES == PRIMITIVE_KIND_POINT) {
-        uvec2 x = triangles[key_triangle(key, batch.extra_first)].raster[0];
+        uvec2 x = triangles[key_triangle(key, batch.primitives)].raster[0];
         side = float(int(x.y - x.x));
     }
     vec3 plane = uintBitsToFloat(fields.xyz);

@@ -53,13 +53,15 @@ uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)
 }
 
 void tw_bind_inputs(const in uint location) {
-    uvec3 at = varying_base + location * 2u + QUAD_LANE;
+    bool distance = location >= DISTANCE_LOCATION;
+    uint number = distance ? varying_stride / 4u - DISTANCE_LOCATIONS : location, index = input_index(location);
+    uvec3 at = varying_base + number * 2u + QUAD_LANE;
     uvec2 a = varyings[at.x], b = varyings[at.y], c = varyings[at.z];
-    parts[location] = differences(uvec3(a.x, b.x, c.x));
-    parts[location + 1u] = differences(uvec3(a.y, b.y, c.y));
-    uvec2 own = varyings[provoking_base + location * 2u + QUAD_LANE];
-    provoking[location] = own.x;
-    provoking[location + 1u] = own.y;
+    parts[index] = differences(uvec3(a.x, b.x, c.x));
+    parts[index + 1u] = differences(uvec3(a.y, b.y, c.y));
+    uvec2 own = varyings[provoking_base + number * 2u + QUAD_LANE];
+    provoking[index] = own.x;
+    provoking[index + 1u] = own.y;
 }
 
 // The four words of `location`; each lane of the quad passes its own two as `first` and `second`.
@@ -69,7 +71,7 @@ uvec4 input_words(const uint location, const uint first, const uint second) {
 }
 
 vec4 input_at(const vec3 weights, const uint location) {
-    uint even = location & ~1u;
+    uint even = input_index(location) & ~1u;
     uvec3 first = parts[even], second = parts[even + 1u];
     return interpolate(weights, uintBitsToFloat(input_words(location, first.x, second.x)),
                        uintBitsToFloat(input_words(location, first.y, second.y)),

@@ -60,7 +60,7 @@ uint covered_samples(const Edges edges, const ivec3 at, const ivec2 pixel) {
 }
 
 void draw(const uint key, const uint bin, const ivec2 local_origin) {
-    uint t = key_triangle(key, batch.extra_first);
+    uint t = key_triangle(key, batch.primitives);
     uint lane = gl_SubgroupInvocationID;
     ivec2 origin = local_origin + ivec2(0, int(batch.origin_y));
     uvec2 own = triangles[t].raster[QUAD_LANE];

@@ -1,7 +1,7 @@
 // Primitive: assembles, clips, culls and sets up every primitive of a batch.
 //
 // Reads: pieces, index buffers, window positions and outcodes; clip-space positions of primitives that
-// are clipped.
+// are clipped; WITH_DISTANCES, varyings, among which the distances are.
 // Writes: the triangle of each primitive, or several if it is clipped; counts of the cells; for each
 // primitive the cell that lists it, NONE or SEVERAL_CELLS.
 // Contract: the triangles of a primitive cover exactly the samples inside it and inside the
@@ -13,6 +13,9 @@
 // An invocation takes PRIMITIVE_ROUNDS primitives, one after the other. Most of them belong to the same
 // piece, so that its fields are fetched once.
 #version 460
+#ifdef CLIP_BY_DISTANCES
+#define WITH_DISTANCES
+#endif
 #include "pieces.glsl"
 #include "lib/cells.glsl"
 const bool ADJUSTED = true;
@@ -28,6 +31,9 @@ layout(scalar, binding = 3) writeonly buffer Triangles { QuadTriangle triangles[
 layout(scalar, binding = 4) buffer CellCounts { uint cell_counts[]; };
 layout(scalar, binding = 5) writeonly buffer PrimitiveCells { uint primitive_cells[]; };
 
+#ifdef WITH_DISTANCES
+layout(scalar, binding = 6) readonly buffer Varyings { uvec4 varyings[]; };
+#endif
 #include "shapes.glsl"
 #include "slots.glsl"
 
@@ -110,11 +116,17 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
     uvec3 slots = vertex_slots(piece, primitive - piece.first_primitive);
     uvec4 a = window_positions[slots.x], b = window_positions[slots.y], c = window_positions[slots.z];
 
+    Verdict verdict = judge(piece, slots);
+    if (piece.topology != TOPOLOGY_POINT_LIST) {
+        a.w |= verdict.outside.x;
+        b.w |= verdict.outside.y;
+        c.w |= verdict.outside.z;
+    }
     Shape shape;
     shape.flags = 0u;
     bool shaped = piece.topology >= TOPOLOGY_POINT_LIST;
     [[dont_flatten]] if (shaped) {
-        if (!make_shape(piece, slots, a, b, shape)) {
+        if (verdict.hidden || !make_shape(piece, slots, a, b, shape)) {
             store_nothing(primitive);
             return NONE;
         }
@@ -124,23 +136,21 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
         c.w = 0u;
     }
     // A primitive that lies wholly outside one plane of the view volume draws nothing; it need not be clipped.
-    uint planes = (piece.fragment_state & DEPTH_STATE_UNCLIPPED) == 0u ? OUT_PLANES : OUT_SIDES;
+    uint planes = (piece.fragment_state & DEPTH_STATE_UNCLIPPED) == 0u ? OUT_PLANES : OUT_PLANES & ~OUT_DEPTHS;
     uint code = (a.w | b.w | c.w) & (planes | OUT_BEHIND | OUT_UNUSABLE), count = 3u, made = 0u;
-    if ((a.w & b.w & c.w & planes) != 0u || (code & OUT_UNUSABLE) != 0u) {
+    if (verdict.hidden || (a.w & b.w & c.w & planes) != 0u || (code & OUT_UNUSABLE) != 0u) {
         store_nothing(primitive);
         return NONE;
     }
     bool clipped = code != 0u;
     if (shaped) count = 4u;
-    vec4 corners[CLIP_CORNERS];
+    Corner corners[CLIP_CORNERS];
     if (clipped) {
-        corners[0] = sanitized(positions[slots.x]);
-        corners[1] = sanitized(positions[slots.y]);
-        corners[2] = sanitized(positions[slots.z]);
+        for (uint i = 0u; i < 3u; i++) corners[i] = corner_at(piece, slots[i]);
         count = clip_polygon(corners, code & OUT_PLANES, made);
         // A clipped corner has w = 0 only if it lies at the eye, which has no window position.
         bool drawable = count >= 3u;
-        for (uint i = 0u; i < count; i++) drawable = drawable && corners[i].w > 0.0 && flush(corners[i].w) != 0.0;
+        for (uint i = 0u; i < count; i++) drawable = drawable && flush(POSITION(corners[i]).w) > 0.0;
         if (!drawable) {
             store_nothing(primitive);
             return NONE;
@@ -153,11 +163,11 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
     [[dont_unroll]] for (uint i = clipped ? 0u : 2u; i < count; i++) {
         vec3 next = uintBitsToFloat(c.xyz);
         // Indexing by a variable costs CPUs a hundred instructions; the branch skips it unless a lane clips.
-        [[dont_flatten]] if (clipped) next = window_position(viewport, corners[i], ((made >> i) & 1u) != 0u);
+        [[dont_flatten]] if (clipped) next = window_position(viewport, POSITION(corners[i]), ((made >> i) & 1u) != 0u);
         if (i == 0u) first = next;
         if (i >= 2u) {
             uint part = i - 2u;
-            uint at = part == 0u ? primitive : batch.extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
+            uint at = part * batch.primitives + primitive;
             uint more = part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u;
             cell = set_up(at, count > 3u, more, piece, piece_index, slots, first, previous, next, shape, shaped ? part + 1u : 0u);
         }

@@ -75,7 +75,7 @@ void main() {
         due = max(round, 1u);
         [[dont_unroll]] for (uint first = cell == 0u ? 0u : cell_ends[cell - 1u]; first < end; first += SUBGROUP_WIDTH) {
             uint key = entries[min(first + lane, end - 1u)];
-            uint at = key_triangle(key, batch.extra_first);
+            uint at = key_triangle(key, batch.primitives);
             uvec4 x_low = uvec4(triangles[at].raster[0], triangles[at].raster[1]);
             uvec4 y_high = uvec4(triangles[at].raster[2], triangles[at].raster[3]);
             ivec3 x = ivec3(x_low.xyz), y = ivec3(y_high.xyz);

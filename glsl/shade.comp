@@ -29,7 +29,7 @@ layout(scalar, binding = 7) writeonly buffer Color { uint color[]; };
 // `key`, or 0 if another fragment kernel shades its triangle.
 uint own_key(const uint key) {
     if (key == 0u) return key;
-    uint piece = triangles[key_triangle(key, batch.extra_first)].shading[1].y;
+    uint piece = triangles[key_triangle(key, batch.primitives)].shading[1].y;
     return pieces[piece].fragment_kernel == batch.fragment_kernel ? key : 0u;
 }
 

@@ -14,7 +14,7 @@ layout(scalar, binding = 8) writeonly buffer ShadeBins { uvec2 shade_bins[]; };
 // The fragment kernel that shades the triangle of `key`, as its number in the batch.
 uint fragment_kernel_of(const uint key) {
     if (batch.fragment_kernels == 1u) return 0u;
-    return pieces[triangles[key_triangle(key, batch.extra_first)].shading[1].y].fragment_kernel;
+    return pieces[triangles[key_triangle(key, batch.primitives)].shading[1].y].fragment_kernel;
 }
 
 // Copies the depth and the keys of the bin's samples to `depth` and `visibility`. Returns a bit in `shown` for

@@ -6,10 +6,9 @@
 // The file that includes this one declares the buffer `positions` and the push constants `batch`. Twin: src/reference/shape.rs.
 #ifndef SHAPES_GLSL
 #define SHAPES_GLSL
+#include "distances.glsl"
 #include "lib/depth.glsl"
 #include "lib/window.glsl"
-
-const uint OUT_DEPTHS = OUT_PLANES & ~OUT_SIDES & ~OUT_BEHIND;
 
 struct Shape {
     ivec2 corners[4]; // in 1/256 pixel from the centre of pixel (0, 0), clockwise on the screen
@@ -33,7 +32,7 @@ ivec2 snap_distance(const vec2 d) {
 }
 
 // Cuts a line by the planes of `cut`. Returns whether anything is left.
-bool cut_line(inout vec4 p, inout vec4 q, const uint cut) {
+bool cut_line(inout Corner p, inout Corner q, const uint cut) {
     float tp = 0.0, tq = 0.0;
     for (uint plane = 0u; plane < CLIP_PLANES; plane++) {
         if ((cut & (1u << plane)) == 0u) continue;
@@ -43,7 +42,7 @@ bool cut_line(inout vec4 p, inout vec4 q, const uint cut) {
         if (dq < 0.0) tq = max(tq, exact_divide(dq, dq - dp));
     }
     if (tp + tq >= 1.0) return false;
-    vec4 from = p;
+    Corner from = p;
     p = from + (q - from) * tp;
     q = q + (from - q) * tq;
     return true;
@@ -121,6 +120,7 @@ bool make_line(const vec3 a, const vec3 b, const float width, const uint mode, i
 // there is one.
 bool make_shape(const Piece piece, const uvec3 slots, const uvec4 from, const uvec4 to, inout Shape shape) {
     uint planes = (piece.fragment_state & DEPTH_STATE_UNCLIPPED) == 0u ? OUT_DEPTHS : 0u, code = from.w | to.w;
+    if (piece.topology != TOPOLOGY_POINT_LIST) planes |= OUT_USER;
     if ((code & OUT_UNUSABLE) != 0u || (from.w & to.w & (planes | OUT_BEHIND)) != 0u) return false;
     vec3 a = uintBitsToFloat(from.xyz), b = uintBitsToFloat(to.xyz);
     const float far_out = float(1u << GUARD_LOG2) - 1024.0;
@@ -136,16 +136,16 @@ bool make_shape(const Piece piece, const uvec3 slots, const uvec4 from, const uv
     // The sides of the viewport do not cut lines: wide lines would get other ends. But a line that reaches far beyond the target
     // is cut by them, and so is one that ends behind the eye, if depth does not cut it there.
     uint cut = code & planes;
-    if ((code & OUT_BEHIND) != 0u && cut == 0u) cut = code & OUT_SIDES;
+    if ((code & OUT_BEHIND) != 0u && (cut & OUT_DEPTHS) == 0u) cut |= code & OUT_SIDES;
     Viewport viewport = Viewport(vec3(piece.scale, piece.depth_scale), vec3(piece.offset, piece.depth_offset));
     bool placed = true;
     for (uint attempt = 0u; attempt < 2u; attempt++) {
         if (cut != 0u) {
-            vec4 p = sanitized(positions[slots.x]), q = sanitized(positions[slots.y]);
+            Corner p = corner_at(piece, slots.x), q = corner_at(piece, slots.y);
             if (!cut_line(p, q, cut)) return false;
-            placed = flush(p.w) > 0.0 && flush(q.w) > 0.0;
-            if (placed) a = window_position(viewport, p, (from.w & OUT_PLANES) != 0u);
-            if (placed) b = window_position(viewport, q, (to.w & OUT_PLANES) != 0u);
+            placed = flush(POSITION(p).w) > 0.0 && flush(POSITION(q).w) > 0.0;
+            if (placed) a = window_position(viewport, POSITION(p), (from.w & OUT_PLANES) != 0u);
+            if (placed) b = window_position(viewport, POSITION(q), (to.w & OUT_PLANES) != 0u);
         }
         if (placed && all(lessThan(abs(vec4(a.xy, b.xy)), vec4(far_out)))) break;
         cut |= code & OUT_SIDES;

@@ -48,11 +48,14 @@ uvec4 tw_block_words(const in uint slot, const in uint word, const in uint last)
 }
 
 void tw_output(const in uint location, const in uint component, const in uint count, const in uvec4 value) {
-    if (location >= MAX_VARYINGS || (READ >> location & 1u) == 0u) return;
+    bool distance = location >= DISTANCE_LOCATION;
+    if (!distance && (location >= MAX_VARYINGS || (READ >> location & 1u) == 0u)) return;
+    // Distances come last.
+    uint at = distance ? piece.varying_stride / 4u - DISTANCE_LOCATIONS + location - DISTANCE_LOCATION : location;
     if (count == 4u) {
-        varyings[varying_base + location] = value;
+        varyings[varying_base + at] = value;
     } else {
-        for (uint c = 0u; c < count; c++) varyings[varying_base + location][component + c] = value[c];
+        for (uint c = 0u; c < count; c++) varyings[varying_base + at][component + c] = value[c];
     }
 }
 

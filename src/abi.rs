@@ -9,6 +9,12 @@
 
 use bytemuck::{Pod, Zeroable};
 
+// `glsl/tool` finds the file beside this one too.
+#[path = "abi/push.rs"]
+mod push;
+#[allow(unused_imports)] // for the tool, which takes their names from GLSL
+pub use push::{Batch, Clear, Commands, Narrow, Resolve};
+
 shared_constants! {
     /// Fractional bits of a window coordinate: 1/256 pixel.
     pub const SUBPIXEL_BITS: u32 = 8;
@@ -36,8 +42,18 @@ shared_constants! {
     pub const GUARD_LOG2: u32 = 15;
     /// Triangles that clipping one primitive by six planes can leave.
     pub const MAX_CLIPPED: u32 = 7;
-    /// Log2 of the step between the keys of consecutive primitives: room for [`MAX_CLIPPED`].
-    pub const KEY_LOG2: u32 = 3;
+    /// Triangles that clipping one primitive by six planes and by [`MAX_DISTANCES`] of the user's can leave.
+    pub const MAX_CLIPPED_BY_DISTANCES: u32 = MAX_CLIPPED + MAX_DISTANCES;
+    /// Log2 of the step between the keys of consecutive primitives: room for [`MAX_CLIPPED_BY_DISTANCES`].
+    pub const KEY_LOG2: u32 = 4;
+    /// Most clip distances and cull distances of a vertex, together.
+    pub const MAX_DISTANCES: u32 = 8;
+    /// The location of an output or input that stands for the first distances of a vertex. They lie after all other varyings.
+    pub const DISTANCE_LOCATION: u32 = 256;
+    /// Locations of distances.
+    pub const DISTANCE_LOCATIONS: u32 = MAX_DISTANCES / 4;
+    /// [`Piece::distances`]: first bit of the number of cull distances. That of clip distances comes before.
+    pub const CULL_DISTANCES_SHIFT: u32 = 4;
     /// Fragment pipelines of one batch: one bit each in a bin's mask.
     pub const MAX_FRAGMENT_KERNELS: u32 = 32;
     /// The bits of a pixel's number in its bin that are its column; the other bits are its row. A bin has four 8x8
@@ -240,125 +256,6 @@ shared_constants! {
 
 const _: () = assert!(WINDOW_OVERLAP == 4 * 4, "four components of four bytes at most");
 
-/// The batch as one dispatch sees it: the push constants of every kernel.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct Batch {
-    /// Pixels across.
-    pub width: u32,
-    /// Pixels down, of the band.
-    pub height: u32,
-    /// First row of the band in the target.
-    pub origin_y: u32,
-    /// Columns of bins.
-    pub bins_x: u32,
-    /// Bins in all.
-    pub bins: u32,
-    /// First cell of each level.
-    pub cell_first: [u32; 4],
-    /// Columns of cells at each level.
-    pub cell_columns: [u32; 4],
-    /// Cells of all levels.
-    pub cells: u32,
-    /// Primitives of the batch.
-    pub primitives: u32,
-    /// Clipped-off triangles start here in the triangle buffer.
-    pub extra_first: u32,
-    /// First of the batch's pieces.
-    pub piece_first: u32,
-    /// Pieces of the batch.
-    pub piece_count: u32,
-    /// First of the vertex dispatch's runs.
-    pub run_first: u32,
-    /// Runs of the vertex dispatch.
-    pub run_count: u32,
-    /// First vertex slot of the vertex dispatch.
-    pub slot_first: u32,
-    /// Vertex slots of the vertex dispatch.
-    pub slot_count: u32,
-    /// Fragment kernel that a shade dispatch runs, as an index of the batch's.
-    pub fragment_kernel: u32,
-    /// Fragment kernels of the batch.
-    pub fragment_kernels: u32,
-    /// Not 0 if the batch is traced. A trace also records facts that a picture does not need: the primitives
-    /// that draw nothing, and the keys of ordered work.
-    pub traced: u32,
-    /// Not 0 if another batch of opaque work follows, which reads the bounds of the bins.
-    pub followed: u32,
-    /// How far samples are from the centres of their pixels at most, in 1/256 pixel: to the left, and up.
-    pub reach: i32,
-}
-
-/// The push constants of the clear kernel.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct Clear {
-    /// Four words of texels, one or several times the same one.
-    pub texels: [u32; 4],
-    /// How many times four words there are to write.
-    pub count: u32,
-    /// Where they begin in the rows, in times four words.
-    pub first: u32,
-}
-
-/// The push constants of the kernel that makes texels of samples, and samples of texels.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct Resolve {
-    /// Pixels of the band.
-    pub pixels: u32,
-    /// The word that is the first of the target's samples.
-    pub first_sample: u32,
-    /// The word that is its first texel.
-    pub first_texel: u32,
-    /// 1 from texels to samples, 0 from samples.
-    pub to_samples: u32,
-}
-
-/// The push constants of the kernel that brings texels to rows and back.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct Narrow {
-    /// Pixels of the band.
-    pub pixels: u32,
-    /// The word of the rows that is the target's first.
-    pub first: u32,
-    /// Bytes of a texel, 1, 2 or 4.
-    pub texel_bytes: u32,
-    /// Bits of a depth, whose rows hold floats; 0 of texels whose bits the rows hold.
-    pub depth_bits: u32,
-    /// 1 from an image's texels to the rows, 0 from the rows.
-    pub to_rows: u32,
-}
-
-/// The push constants of the kernel that makes pieces of draw commands.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct Commands {
-    /// The piece that has everything but the numbers of the commands.
-    pub piece: u32,
-    /// Resource-table slot of the commands.
-    pub slot: u32,
-    /// First byte of the first command.
-    pub byte: u32,
-    /// Bytes from one command to the next.
-    pub stride: u32,
-    /// Most commands.
-    pub draws: u32,
-    /// Resource-table slot of the number of commands, or [`NONE`] if it is the most.
-    pub count_slot: u32,
-    /// Its first byte.
-    pub count_byte: u32,
-    /// Elements of the index buffer, or [`NONE`] if the commands have no indices.
-    pub elements: u32,
-    /// Primitives of all commands that the batches before have.
-    pub first: u32,
-    /// Most primitives of the batch.
-    pub primitives: u32,
-    /// Vertex slots and primitives that one workgroup takes.
-    pub of_group: [u32; 2],
-}
-
 /// A run of consecutive primitives of one draw inside one batch.
 ///
 /// Kernels fetch it four words at a time. The fields that shading needs come first, then those that the
@@ -447,6 +344,8 @@ pub struct Piece {
     pub line_width: f32,
     /// A `LineMode`.
     pub line_mode: u32,
+    /// How many clip distances and cull distances the vertices have.
+    pub distances: u32,
 }
 
 /// The memory that one input location of a vertex shader reads.

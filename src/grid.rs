@@ -179,6 +179,30 @@ impl Capacities {
         self.primitives * abi::MAX_CLIPPED
     }
 
+    /// The most primitives of a batch, with distances from planes of the user or without. Clipping by distances leaves more
+    /// triangles of each.
+    pub const fn primitives_of(&self, distances: bool) -> u32 {
+        match distances {
+            true => {
+                let triangles = self.primitives as u64 * abi::MAX_CLIPPED as u64;
+                let primitives = triangles / abi::MAX_CLIPPED_BY_DISTANCES as u64;
+                if primitives == 0 { 1 } else { primitives as u32 }
+            }
+            false => self.primitives,
+        }
+    }
+
+    /// The primitives without distances that take as much room as `primitives`, with distances or without.
+    pub const fn room_of(primitives: u32, distances: bool) -> u32 {
+        match distances {
+            true => {
+                let triangles = primitives as u64 * abi::MAX_CLIPPED_BY_DISTANCES as u64;
+                triangles.div_ceil(abi::MAX_CLIPPED as u64) as u32
+            }
+            false => primitives,
+        }
+    }
+
     /// Entries of all cells' lists: each triangle is in at most [`abi::MAX_CELLS`].
     pub const fn entries(&self) -> u32 {
         self.triangles() * abi::MAX_CELLS

@@ -54,6 +54,7 @@ pub const KERNELS: &[(&str, Variant, &[u32])] = &[
     ("ordered.comp", ANY_ONE, file!("any-ordered.comp")),
     ("ordered.comp", ANY_SEVERAL, file!("any-8-ordered.comp")),
     ("primitive.comp", Variant::PLAIN, file!("primitive.comp")),
+    ("primitive.comp", WITH_DISTANCES, file!("distances-primitive.comp")),
     ("raster.comp", Variant::PLAIN, file!("raster.comp")),
     ("resolve.comp", Variant::PLAIN, file!("resolve.comp")),
     ("resolve.comp", ANY_ONE, file!("any-resolve.comp")),
@@ -65,9 +66,10 @@ pub const KERNELS: &[(&str, Variant, &[u32])] = &[
     ("vertex.comp", ANY_ONE, file!("any-vertex.comp")),
 ];
 
-const SEVERAL: Variant = Variant { colors: MAX_COLORS, any_format: false };
-const ANY_ONE: Variant = Variant { colors: 1, any_format: true };
-const ANY_SEVERAL: Variant = Variant { colors: MAX_COLORS, any_format: true };
+const SEVERAL: Variant = Variant { colors: MAX_COLORS, ..Variant::PLAIN };
+const ANY_ONE: Variant = Variant { any_format: true, ..Variant::PLAIN };
+const ANY_SEVERAL: Variant = Variant { colors: MAX_COLORS, ..ANY_ONE };
+const WITH_DISTANCES: Variant = Variant { distances: true, ..Variant::PLAIN };
 
 /// The macros that every kernel is compiled with.
 pub const DEFINES: &str = include_str!("../glsl/spirv/defines.glsl");

@@ -90,26 +90,42 @@ pub fn key(primitive: usize, part: usize) -> u32 {
     ((primitive as u32 + 1) << abi::KEY_LOG2) | part as u32
 }
 
-/// Clip-space positions of vertices, as the user's shader left them.
+/// What a vertex shader gave a vertex, as it left it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shaded {
+    /// The position in clip space.
+    pub position: [f32; 4],
+    /// Distances from planes of the user, 0 where it has none: clip distances from the first place on, cull distances from
+    /// the last place back.
+    pub distances: [f32; abi::MAX_DISTANCES as usize],
+}
+
+impl Shaded {
+    fn bits(&self) -> impl Iterator<Item = u32> + use<> {
+        self.position.into_iter().chain(self.distances).map(f32::to_bits)
+    }
+}
+
+/// What shaders gave the vertices of a pass.
 #[derive(Clone, Debug, Default)]
-pub struct Positions(Vec<(Vertex, [f32; 4])>);
+pub struct Positions(Vec<(Vertex, Shaded)>);
 
 impl Positions {
-    /// Takes positions in any order. A vertex may come several times, where it was shaded several times.
-    pub fn new(mut all: Vec<(Vertex, [f32; 4])>) -> Self {
+    /// Takes vertices in any order. A vertex may come several times, where it was shaded several times.
+    pub fn new(mut all: Vec<(Vertex, Shaded)>) -> Self {
         all.sort_by_key(|(vertex, _)| *vertex);
-        all.dedup_by_key(|(vertex, position)| (*vertex, position.map(f32::to_bits)));
+        all.dedup_by(|(a, of_a), (b, of_b)| a == b && of_a.bits().eq(of_b.bits()));
         Self(all)
     }
 
-    /// The position of `vertex`, if it was shaded.
-    pub fn of(&self, vertex: Vertex) -> Option<[f32; 4]> {
+    /// What `vertex` got, if it was shaded.
+    pub fn of(&self, vertex: Vertex) -> Option<&Shaded> {
         let at = self.0.partition_point(|(known, _)| *known < vertex);
-        self.0.get(at).filter(|(known, _)| *known == vertex).map(|(_, position)| *position)
+        self.0.get(at).filter(|(known, _)| *known == vertex).map(|(_, shaded)| shaded)
     }
 
     /// All of them.
-    pub fn iter(&self) -> impl Iterator<Item = (Vertex, [f32; 4])> {
+    pub fn iter(&self) -> impl Iterator<Item = (Vertex, Shaded)> {
         self.0.iter().copied()
     }
 

@@ -13,6 +13,7 @@ mod depth_bias;
 mod depth_clamp;
 mod depth_formats;
 mod devices;
+mod distances;
 mod examples;
 mod extremes;
 mod formats;

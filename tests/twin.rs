@@ -6,7 +6,7 @@ mod planned;
 pub mod varied;
 
 use crate::common::{self, random::Random};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use tilewright::{
     Samples, compare, compute,
     format::{Format, VertexFormat},
@@ -22,7 +22,7 @@ use tilewright::{
     },
     stencil::{StencilFace, StencilOp, StencilState},
     target::{ColorTarget, DepthTarget, LoadOp, StencilTarget},
-    trace::{Trace, Vertex},
+    trace::{Shaded, Trace, Vertex},
     vk::{Gpu, GpuOptions},
 };
 use varied::Variation;
@@ -34,6 +34,19 @@ layout(location = 0) out vec4 color;
 void main() {
     gl_Position = position;
     color = vec4(fract(vec3(gl_VertexIndex) * vec3(0.37, 0.61, 0.83)), 0.5);
+}";
+
+/// As [`VERTEX`], with distances of any kind.
+const VERTEX_WITH_DISTANCES: &str = "#version 450
+layout(location = 0) in vec4 position;
+layout(location = 0) out vec4 color;
+out gl_PerVertex { vec4 gl_Position; float gl_ClipDistance[5]; float gl_CullDistance[2]; };
+void main() {
+    gl_Position = position;
+    color = vec4(fract(vec3(gl_VertexIndex) * vec3(0.37, 0.61, 0.83)), 0.5);
+    gl_ClipDistance = float[5](0.7 * position.x + 0.4 * position.w, color.x - 0.1, position.y + 0.5 * position.w,
+                               gl_VertexIndex % 3 - 0.5, gl_VertexIndex % 31 == 7 ? uintBitsToFloat(0x7fc00000) : 1e-39);
+    gl_CullDistance = float[2](color.y - 0.6, gl_VertexIndex % 29 == 3 ? uintBitsToFloat(0x7f800000) : position.z);
 }";
 
 pub const FRAGMENT: &str = "#version 450
@@ -162,6 +175,9 @@ pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
             let made = (**pipeline).clone().topology(topology).line_mode(mode).line_width(width);
             *pipeline = Arc::new(made);
         }
+        if kind == 2 && random.below(4) == 0 {
+            *pipeline = Arc::new((**pipeline).clone().vertex(with_distances()));
+        }
         if random.below(6) == 0 {
             let depths = [(); 2].map(|()| [0.0, 0.5, 1.0, random.unit()][random.below(4)]);
             draw.depth_bounds = [depths[0].min(depths[1]), depths[0].max(depths[1])];
@@ -266,6 +282,12 @@ pub fn shaders() -> (Arc<Shader>, Arc<Shader>) {
     )
 }
 
+fn with_distances() -> Arc<Shader> {
+    static SHADER: OnceLock<Arc<Shader>> = OnceLock::new();
+    let shader = || Shader::from_glsl(Stage::Vertex, "distances.vert", VERTEX_WITH_DISTANCES);
+    SHADER.get_or_init(|| Arc::new(shader().expect("a valid shader"))).clone()
+}
+
 /// The first difference between what the device left of `pass` and the reference; `seen` counts the
 /// pixels that batches drew.
 pub fn difference(
@@ -287,12 +309,12 @@ fn pixels(trace: &Trace) -> usize {
 /// A vertex of `pass` that is not where its buffer says. [`VERTEX`] takes positions as they are, so that they need
 /// not be believed.
 fn misplaced(pass: &Pass, trace: &Trace) -> Option<Vertex> {
-    let wrong = |&(vertex, found): &(Vertex, [f32; 4])| {
+    let wrong = |(vertex, found): &(Vertex, Shaded)| {
         let range = &pass.draws[vertex.draw as usize].vertex_buffers[0];
         let at = range.offset + 16 * vertex.vertex as usize;
         let position: [f32; 4] =
             bytemuck::pod_read_unaligned(&range.buffer.host_bytes().unwrap()[at..at + 16]);
-        position.map(f32::to_bits) != found.map(f32::to_bits)
+        position.map(f32::to_bits) != found.position.map(f32::to_bits)
     };
     trace.positions.iter().find(wrong).map(|(vertex, _)| vertex)
 }

@@ -83,10 +83,9 @@ bool has_sign(const uint format) {
 
 // A colour in the limits that Vulkan sets for the format before it is blended or written.
 vec4 limited(const uint format, const vec4 c) {
-    vec4 inside = c;
-    if (numeric_of(format) != NUMERIC_FLOAT) inside = saturate(c);
-    if (numeric_of(format) == NUMERIC_SNORM) inside -= saturate(-c);
-    return inside;
+    if (numeric_of(format) == NUMERIC_FLOAT) return c;
+    uvec4 signs = has_sign(format) ? floatBitsToUint(c) & 0x80000000u : uvec4(0u);
+    return uintBitsToFloat(floatBitsToUint(saturate(has_sign(format) ? abs(c) : c)) | signs);
 }
 
 // The words of a texel, of the bits of what a shader writes. Words beyond those of the format hold anything.

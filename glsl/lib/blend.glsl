@@ -15,29 +15,34 @@ uint blend_op(const uint equation) {
     return equation >> BLEND_OP_SHIFT;
 }
 
-// Each odd factor is 1 minus the even factor before it (`BlendFactor` of state.rs). The factor is chosen by selections,
-// because drivers for CPUs turn a switch into a dozen branches and compile them all. Factors of a signed normalized target
-// (`has_sign`) are at most 1, those of a float may be anything, and all others are in 0..=1 by themselves.
-vec4 blend_factor(const uint factor, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
-    vec4 even = vec4(factor < BLEND_FACTOR_DST_ALPHA ? source.a : target.a);
-    if (factor < BLEND_FACTOR_SRC_ALPHA) even = factor < BLEND_FACTOR_DST_COLOR ? source : target;
-    if (factor < BLEND_FACTOR_SRC_COLOR) even = vec4(0.0);
-    if (factor >= BLEND_FACTOR_CONSTANT_COLOR) {
-        even = factor < BLEND_FACTOR_CONSTANT_ALPHA ? constants : vec4(constants.a);
-        if (factor == BLEND_FACTOR_SRC_ALPHA_SATURATE) even = vec4(vec3(min(source.a, 1.0 - target.a)), 1.0);
-        if (factor >= BLEND_FACTOR_SRC1_COLOR) even = factor < BLEND_FACTOR_SRC1_ALPHA ? second : vec4(second.a);
-    }
+// Each odd factor is 1 minus the even factor before it (`BlendFactor` of state.rs). Each channel has a factor of its own, which
+// is chosen by selections, because drivers for CPUs turn a switch into a dozen branches and compile them all. Factors of a
+// signed normalized target (`has_sign`) are at most 1, those of a float may be anything, and all others are in 0..=1 by
+// themselves.
+vec4 blend_factor(const uvec4 factor, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
+#define BEFORE(first) lessThan(factor, uvec4(first))
+    vec4 color = mix(target, source, BEFORE(BLEND_FACTOR_DST_COLOR));
+    vec4 alpha = mix(vec4(target.a), vec4(source.a), BEFORE(BLEND_FACTOR_DST_ALPHA));
+    vec4 fixed_value = mix(vec4(constants.a), constants, BEFORE(BLEND_FACTOR_CONSTANT_ALPHA));
+    vec4 saturated = vec4(vec3(min(source.a, 1.0 - target.a)), 1.0);
+    vec4 of_second = mix(vec4(second.a), second, BEFORE(BLEND_FACTOR_SRC1_ALPHA));
+    vec4 even = mix(of_second, saturated, BEFORE(BLEND_FACTOR_SRC1_COLOR));
+    even = mix(even, fixed_value, BEFORE(BLEND_FACTOR_SRC_ALPHA_SATURATE));
+    even = mix(even, alpha, BEFORE(BLEND_FACTOR_CONSTANT_COLOR));
+    even = mix(even, color, BEFORE(BLEND_FACTOR_SRC_ALPHA));
+    even = mix(even, vec4(0.0), BEFORE(BLEND_FACTOR_SRC_COLOR));
     vec4 rest = has_sign ? min(1.0 - even, 1.0) : 1.0 - even;
-    return (factor & 1u) != 0u ? rest : even;
+    return mix(even, rest, notEqual(factor & 1u, uvec4(0u)));
 }
 
-vec4 blend_apply(const uint equation, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
-    uint op = blend_op(equation);
-    vec4 s = source * blend_factor(source_factor(equation), source, target, constants, second, has_sign);
-    vec4 t = target * blend_factor(target_factor(equation), source, target, constants, second, has_sign);
-    vec4 sum = op == BLEND_OP_ADD ? s + t : (op == BLEND_OP_SUBTRACT ? s - t : t - s);
-    vec4 extreme = op == BLEND_OP_MIN ? min(source, target) : max(source, target);
-    return op < BLEND_OP_MIN ? sum : extreme;
+// `equation` is that of colour three times, then that of alpha.
+vec4 blend_apply(const uvec4 equation, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
+    uvec4 op = equation >> BLEND_OP_SHIFT, all = uvec4((1u << BLEND_FACTOR_BITS) - 1u);
+    vec4 s = source * blend_factor(equation & all, source, target, constants, second, has_sign);
+    vec4 t = target * blend_factor((equation >> BLEND_TARGET_SHIFT) & all, source, target, constants, second, has_sign);
+    vec4 sum = mix(mix(t - s, s - t, equal(op, uvec4(BLEND_OP_SUBTRACT))), s + t, equal(op, uvec4(BLEND_OP_ADD)));
+    vec4 extreme = mix(max(source, target), min(source, target), equal(op, uvec4(BLEND_OP_MIN)));
+    return mix(extreme, sum, lessThan(op, uvec4(BLEND_OP_MIN)));
 }
 
 // Whether an equation adds (one or source alpha) * source and (one or 1 - source alpha) * target. Most
@@ -63,7 +68,7 @@ vec4 blend(const uint color, const uint alpha, const vec4 source, const vec4 tar
         float rest_alpha = target_factor(alpha) == BLEND_FACTOR_ONE_MINUS_SRC_ALPHA ? rest : 1.0;
         return vec4(source.rgb * by_color + target.rgb * rest_color, source.a * by_alpha + target.a * rest_alpha);
     }
-    return vec4(blend_apply(color, source, target, constants, second, has_sign).rgb, blend_apply(alpha, source, target, constants, second, has_sign).a);
+    return blend_apply(uvec4(color, color, color, alpha), source, target, constants, second, has_sign);
 }
 
 // The bits of `source` and of `target` by the truth table of a `LogicOp`.

@@ -7,11 +7,11 @@ uint key_of(const uint primitive, const uint part) {
     return ((primitive + 1u) << KEY_LOG2) | part;
 }
 
-// The index of the triangle of `key` in the triangle buffer. The first triangle of each primitive lies at
-// the primitive's number; the others, which clipping added, lie in a region of their own.
-uint key_triangle(const uint key, const uint extra_first) {
+// The index of the triangle of `key` in the triangle buffer of a batch of so many primitives. The first triangles of all
+// primitives come first, then their second ones, which clipping added, and so on.
+uint key_triangle(const uint key, const uint primitives) {
     uint primitive = (key >> KEY_LOG2) - 1u;
     uint part = key & ((1u << KEY_LOG2) - 1u);
-    return part == 0u ? primitive : extra_first + primitive * (MAX_CLIPPED - 1u) + part - 1u;
+    return part * primitives + primitive;
 }
 #endif

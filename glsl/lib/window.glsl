@@ -6,14 +6,17 @@
 // Bits of an outcode beyond the planes of clip.glsl. One marks a vertex at or behind the eye, which has no
 // window position. The other marks a vertex that no triangle may use: it is not finite, or so far out that the
 // difference of two such vertices might not be finite.
-const uint OUT_BEHIND = 1u << CLIP_PLANES;
-const uint OUT_UNUSABLE = 2u << CLIP_PLANES;
-const uint OUT_PLANES = OUT_BEHIND - 1u;
-// All planes but the near and the far one.
+const uint OUT_BEHIND = 1u << VIEW_PLANES;
+const uint OUT_UNUSABLE = 2u << VIEW_PLANES;
+// The planes of the user, whose bits are added where primitives are assembled. Points have the side of their square there.
+const uint OUT_USER = ((1u << CLIP_PLANES) - 1u) & ~((1u << USER_PLANES) - 1u);
+const uint OUT_PLANES = (OUT_BEHIND - 1u) | OUT_USER;
+const uint OUT_DEPTHS = 48u;
+// All planes of the view volume but the near and the far one.
 const uint OUT_SIDES = 15u;
 
 // First bit of the side of a point's square, which has the bits above those of the outcode.
-const uint OUT_SIDE_SHIFT = CLIP_PLANES + 2u;
+const uint OUT_SIDE_SHIFT = USER_PLANES;
 
 // The side of a point's square in 1/256 pixel: 1 to 256 pixels.
 uint point_side(const float size) {

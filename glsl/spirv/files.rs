@@ -10,6 +10,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("bound.glsl", include_str!("../bound.glsl")),
     ("clear.comp", include_str!("../clear.comp")),
     ("commands.comp", include_str!("../commands.comp")),
+    ("distances.glsl", include_str!("../distances.glsl")),
     ("fragment.glsl", include_str!("../fragment.glsl")),
     ("lib/any_color.glsl", include_str!("../lib/any_color.glsl")),
     ("lib/assembly.glsl", include_str!("../lib/assembly.glsl")),

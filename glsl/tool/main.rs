@@ -136,8 +136,9 @@ fn outputs(glsl: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
 /// The name of a variant of the kernel of the file `name`.
 fn file_of(name: &str, variant: Variant) -> String {
     let any = if variant.any_format { "any-" } else { "" };
+    let distances = if variant.distances { "distances-" } else { "" };
     let colors = if variant.colors == 1 { String::new() } else { format!("{}-", variant.colors) };
-    format!("{any}{colors}{name}")
+    format!("{any}{colors}{distances}{name}")
 }
 
 /// A list of the files that kernels are made of, for the library.

@@ -159,6 +159,9 @@ fn wanted(
     let kind = Fragments::new(adjusted, *depth, *samples);
     let mut wanted = vec![KernelRequest::Vertex(vertex)];
     wanted.extend(kernels::of_method((method, kind), fragment, formats));
+    if !pipeline.vertex.reflection.distances.is_empty() {
+        wanted.push(KernelRequest::ClipByDistances);
+    }
     let stencil = stencil.then_some(&Format::S8Uint);
     let formats = colors.iter().chain(depth).chain(stencil);
     wanted.extend(formats.filter_map(|format| attach::resolve(*format, *samples)));

@@ -74,7 +74,6 @@ pub struct Setup {
     buffers: Buffers,
     kernels: PlanKernels,
     extent: Extent,
-    capacities: Capacities,
 }
 
 /// The memory that a pass is drawn with.
@@ -179,7 +178,7 @@ impl Setup {
             &mut kernels_of_plan,
         )?;
         let (gpu, kernels, extent) = (gpu.clone(), kernels_of_plan, pass.extent);
-        Ok(Setup { gpu, attachments, copies, buffers, kernels, extent, capacities })
+        Ok(Setup { gpu, attachments, copies, buffers, kernels, extent })
     }
 
     /// The bands of the targets.
@@ -276,7 +275,11 @@ impl Setup {
         if vertices {
             vertex::record(recorder, &stage, &self.kernels.vertex, batch)?;
         }
-        primitive::record(recorder, &stage, &kernels.primitive)?;
+        let by_distances = self.kernels.by_distances.as_ref().filter(|_| batch.distances);
+        match by_distances {
+            Some(kernel) => primitive::record_with_distances(recorder, &stage, kernel)?,
+            None => primitive::record(recorder, &stage, &kernels.primitive)?,
+        }
         binning::record(recorder, &stage, kernels)?;
         let fragment = self.kernels.fragment(number);
         match &self.kernels.raster[number] {
@@ -298,18 +301,12 @@ impl Setup {
     fn push(&self, band: &Grid, batch: &BatchPlan) -> Batch {
         Batch {
             primitives: batch.primitives,
-            extra_first: self.extra_first(),
             piece_first: batch.piece_first,
             piece_count: batch.piece_count,
             fragment_kernels: batch.fragment_kernels.len() as u32,
             reach: self.attachments.samples.reach(),
             ..band_push(band)
         }
-    }
-
-    /// Where the triangles that clipping adds begin.
-    pub fn extra_first(&self) -> u32 {
-        self.capacities.primitives
     }
 
     /// The device and the buffers.

@@ -41,6 +41,8 @@ pub struct PlanKernels {
     fragment_first: Vec<usize>,
     /// For each batch of opaque work its raster kernel.
     pub raster: Vec<Option<Kernel>>,
+    /// Clipping and setup of primitives, if some have distances.
+    pub by_distances: Option<Kernel>,
     /// The last batch of opaque work.
     pub last_opaque: Option<usize>,
 }
@@ -57,6 +59,7 @@ impl PlanKernels {
         self.fragment.clear();
         self.fragment_first.clear();
         self.raster.clear();
+        self.by_distances = None;
         self.last_opaque = None;
     }
 }
@@ -189,10 +192,13 @@ impl Kernels {
         let of_batches = plan.batches.iter().flat_map(|batch| {
             batch.fragment_kernels.iter().flat_map(move |&kernel| of_batch(batch, kernel))
         });
-        self.make(vertex().chain(of_batches))?;
+        let distances = plan.batches.iter().any(|batch| batch.distances);
+        let by_distances = distances.then_some(KernelRequest::ClipByDistances);
+        self.make(vertex().chain(of_batches).chain(by_distances.clone()))?;
         found.clear();
         let mut get = |wanted: KernelRequest| self.made.get(&wanted).expect("it was made").clone();
         found.vertex.extend(vertex().map(&mut get));
+        found.by_distances = by_distances.map(&mut get);
         for (number, batch) in plan.batches.iter().enumerate() {
             found.fragment_first.push(found.fragment.len());
             let mut raster = None;

@@ -28,6 +28,8 @@ pub enum KernelRequest {
     Resolve(Format, Samples, ResolveMode),
     /// Between the rows of a target and texels that are others in its image.
     Narrow,
+    /// Clipping and setup of primitives whose vertices have distances from planes of the user.
+    ClipByDistances,
     /// Vertex shading.
     Vertex(Arc<KernelKey>),
     /// Shading of opaque work into colour targets of these formats.
@@ -158,6 +160,11 @@ impl Maker {
                 let words = self.sources.words("narrow.comp");
                 return self.kernel(&KernelInfo::new("narrow", words));
             }
+            KernelRequest::ClipByDistances => {
+                let variant = Variant { distances: true, ..Variant::PLAIN };
+                let words = self.sources.variant("primitive.comp", variant);
+                return self.kernel(&KernelInfo::new("primitive with distances", words));
+            }
             KernelRequest::Vertex(key) => {
                 // `lib/attribute.glsl` knows no others without ANY_FORMAT.
                 let is_common = |(_, format): &(u32, u32)| {
@@ -256,7 +263,7 @@ fn targets(formats: ColorFormats) -> Variant {
     let there = || formats.iter().filter(|format| **format != abi::NO_FORMAT);
     let is_common = |format: &u32| COMMON.iter().any(|common| *common as u32 == *format);
     let colors = if there().count() > 1 { abi::MAX_COLORS } else { 1 };
-    Variant { colors, any_format: !there().all(is_common) }
+    Variant { colors, any_format: !there().all(is_common), ..Variant::PLAIN }
 }
 
 /// The formats that `lib/color.glsl` knows without `lib/any_color.glsl`.

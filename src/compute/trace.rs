@@ -13,7 +13,7 @@ use crate::{
     pass::{BufferSource, Frame, Pass},
     plan::{BatchPlan, Method, Plan},
     state::Topology,
-    trace::{BatchTrace, Parts, Positions, Primitive, Trace, Triangle, Vertex},
+    trace::{BatchTrace, Parts, Positions, Primitive, Shaded, Trace, Triangle, Vertex},
     vk::Recorder,
 };
 use std::{borrow::Cow, collections::HashMap, sync::Arc};
@@ -47,6 +47,7 @@ impl Setup {
                 let how = (true, true);
                 self.batch(kernels, &mut recorder, (band, &target), from, (number, batch), how)?;
                 let positions = recorder.download(&buffers.positions)?;
+                let varyings = recorder.download(&buffers.varyings)?;
                 let triangles = recorder.download(&buffers.triangles)?;
                 let ends = recorder.download(&buffers.cell_ends)?;
                 let entries = recorder.download(&buffers.entries)?;
@@ -66,11 +67,11 @@ impl Setup {
                     show_covered(&mut visibility, (band, samples), args, &shade_bins.read()?);
                 }
                 let names = Names { plan, batch, buffers: &contents[batch.table] };
-                shaded.extend(names.shaded(&positions.read()?));
+                shaded.extend(names.shaded(&positions.read()?, &varyings.read()?));
                 batches.push(BatchTrace {
                     grid: *band,
                     primitives: names.primitives(),
-                    triangles: names.triangles(&triangles.read()?, self.extra_first()),
+                    triangles: names.triangles(&triangles.read()?),
                     cells: lists(&ends.read()?[..band.cells as usize], &entries.read()?),
                     visibility: rows((band, samples), &visibility),
                     depth: depth.read()?,
@@ -120,32 +121,35 @@ impl Names<'_> {
         all
     }
 
-    /// The vertices that the batch shades, with their positions, which are those of all slots.
-    fn shaded(&self, positions: &[[f32; 4]]) -> Vec<(Vertex, [f32; 4])> {
+    /// The vertices that the batch shades, with what they got: `positions` and `varyings` are those of all slots.
+    fn shaded(&self, positions: &[[f32; 4]], varyings: &[u32]) -> Vec<(Vertex, Shaded)> {
         let mut all = Vec::with_capacity(self.batch.vertices as usize);
         for work in &self.batch.vertex_work {
             let first = work.run_first as usize;
             for &number in &self.plan.runs[first..first + work.run_count as usize] {
-                let Piece { vertex_base, vertex_slots, .. } = self.plan.pieces[number as usize];
-                let slots = vertex_base..vertex_base + vertex_slots;
-                all.extend(slots.map(|s| (self.vertex(number, s), positions[s as usize])));
+                let piece = &self.plan.pieces[number as usize];
+                let slots = piece.vertex_base..piece.vertex_base + piece.vertex_slots;
+                all.extend(slots.map(|slot| {
+                    let distances = distances(piece, slot, varyings);
+                    let shaded = Shaded { position: positions[slot as usize], distances };
+                    (self.vertex(number, slot), shaded)
+                }));
             }
         }
         all
     }
 
     /// The triangles of each primitive, from where the primitive stage puts them.
-    fn triangles(&self, triangles: &[abi::Triangle], extra_first: u32) -> Vec<Parts> {
-        let extra_mask = abi::MAX_CLIPPED;
-        (0..self.batch.primitives)
-            .map(|primitive| {
-                let first = &triangles[primitive as usize];
-                let extra = (first.flags >> abi::TRIANGLE_EXTRA_SHIFT) & extra_mask;
-                let at = (extra_first + primitive * (abi::MAX_CLIPPED - 1)) as usize;
-                let more = &triangles[at..at + extra as usize];
-                std::iter::once(first).chain(more).map(|t| self.triangle(t)).collect()
-            })
-            .collect()
+    fn triangles(&self, triangles: &[abi::Triangle]) -> Vec<Parts> {
+        let extra_mask = (1 << abi::TRIANGLE_EXTRA_BITS) - 1;
+        let primitives = self.batch.primitives;
+        let parts = |primitive: u32| {
+            let first = &triangles[primitive as usize];
+            let extra = (first.flags >> abi::TRIANGLE_EXTRA_SHIFT) & extra_mask;
+            let part = |part| self.triangle(&triangles[(part * primitives + primitive) as usize]);
+            (0..=extra).map(part).collect()
+        };
+        (0..primitives).map(parts).collect()
     }
 
     /// `None` for a triangle that draws nothing.
@@ -204,6 +208,20 @@ impl Names<'_> {
         let value = self.buffers[&piece.index_slot].get(at..at + bytes).unwrap_or_default();
         value.iter().rev().fold(0, |all, &byte| all << 8 | u32::from(byte))
     }
+}
+
+/// The distances of the vertex in `slot` of `piece`, which come after its varyings.
+fn distances(piece: &Piece, slot: u32, varyings: &[u32]) -> [f32; abi::MAX_DISTANCES as usize] {
+    let count = abi::MAX_DISTANCES;
+    let clips = piece.distances & ((1 << abi::CULL_DISTANCES_SHIFT) - 1);
+    let culls = piece.distances >> abi::CULL_DISTANCES_SHIFT;
+    let end = piece.varying_base + (slot - piece.vertex_base + 1) * piece.varying_stride;
+    std::array::from_fn(|n| match n as u32 {
+        n if n < clips || n >= count - culls => {
+            f32::from_bits(varyings[(end - count + n) as usize])
+        }
+        _ => 0.0,
+    })
 }
 
 /// The content of each of `buffers`.

@@ -7,6 +7,7 @@ use crate::{
     format::{Format, Numeric},
     pass::{Draw, Pass, Pipeline, StepRate, VertexAttribute},
     samples::Samples,
+    shader::Distances,
     state::{BlendEquation, ColorState, Compare, DepthState, LogicOp, PrimitiveKind, Topology},
     stencil::StencilFace,
 };
@@ -43,7 +44,7 @@ impl Planning<'_> {
             if let Some((_, slots)) = shared.filter(|_| next > 0 && self.open.is_none()) {
                 self.keep(info, slots);
             }
-            let room = limit.primitives - self.batch(info).primitives;
+            let room = self.limit.primitives_of(info.distances) - self.batch(info).primitives;
             let mut take = room.min(total - next);
             let (piece, slots) = loop {
                 let (piece, slots) = match shared {
@@ -222,6 +223,10 @@ impl Planning<'_> {
             stencil: stencil_states(self.pass, pipeline, draw),
             line_width: pipeline.line_width,
             line_mode: pipeline.line_mode as u32,
+            distances: {
+                let Distances { clip, cull } = pipeline.vertex.reflection.distances;
+                clip | cull << abi::CULL_DISTANCES_SHIFT
+            },
             ..Piece::default()
         }))
     }

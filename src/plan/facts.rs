@@ -42,6 +42,8 @@ impl Facts {
         let of_fragments = (pipeline.runs_per_sample(), by_alpha, pipeline.topology.kind());
         let inputs = &pipeline.fragment.reflection.inputs;
         let locations = inputs.iter().map(|v| v.location + 1).max();
+        let has_distances = !pipeline.vertex.reflection.distances.is_empty();
+        let of_distances = if has_distances { abi::DISTANCE_LOCATIONS } else { 0 };
         Self {
             vertex: key(
                 &pipeline.vertex,
@@ -50,7 +52,7 @@ impl Facts {
                 (false, false, PrimitiveKind::Triangle),
             ),
             fragment: key(&pipeline.fragment, Vec::new(), 0, of_fragments),
-            varying_stride: 4 * locations.unwrap_or(0),
+            varying_stride: 4 * (locations.unwrap_or(0) + of_distances),
         }
     }
 }

@@ -32,7 +32,8 @@ impl Planning<'_> {
         self.close();
         let (limit, stride) = (self.limit, info.varying_stride);
         let of_words = limit.varying_words.checked_div(abi::QUAD * stride).unwrap_or(u32::MAX);
-        let most = limit.primitives.min(limit.vertices / abi::QUAD).min(of_words);
+        let most =
+            limit.primitives_of(info.distances).min(limit.vertices / abi::QUAD).min(of_words);
         if most == 0 {
             return Err(Error::Capacity {
                 what: format!("the varyings of one primitive of pipeline `{}`", pipeline.label),
@@ -71,6 +72,7 @@ impl Planning<'_> {
             self.plan.batches.push(BatchPlan {
                 method: info.method,
                 adjusted: self.pass.pipelines[draw.pipeline].adjusts_depth(draw),
+                distances: info.distances,
                 primitives,
                 piece_first,
                 piece_count: 1,

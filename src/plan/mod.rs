@@ -121,6 +121,8 @@ pub struct BatchPlan {
     pub method: Method,
     /// Whether depths of some of its draws are adjusted.
     pub adjusted: bool,
+    /// Whether its vertices have distances from planes of the user.
+    pub distances: bool,
     /// Primitives.
     pub primitives: u32,
     /// First piece in [`Plan::pieces`].
@@ -186,7 +188,7 @@ impl Plan {
         let most =
             |of: fn(&BatchPlan) -> u32| self.batches.iter().map(of).max().unwrap_or(0).max(1);
         Capacities {
-            primitives: most(|b| b.primitives),
+            primitives: most(|b| Capacities::room_of(b.primitives, b.distances)),
             vertices: most(|b| b.vertices),
             varying_words: most(|b| b.varying_words),
         }
@@ -200,12 +202,14 @@ struct PipelineInfo {
     vertex_kernel: usize,
     fragment_kernel: usize,
     varying_stride: u32,
+    distances: bool,
 }
 
 /// A batch that still takes pieces. Vertex slots are given out when it closes.
 struct OpenBatch {
     method: Method,
     adjusted: bool,
+    distances: bool,
     piece_first: u32,
     primitives: u32,
     vertices: u32,
@@ -350,6 +354,7 @@ impl Planning<'_> {
             vertex_kernel,
             fragment_kernel,
             varying_stride: *varying_stride,
+            distances: !pipeline.vertex.reflection.distances.is_empty(),
         }
     }
 
@@ -389,6 +394,7 @@ impl Planning<'_> {
         self.plan.batches.push(BatchPlan {
             method: open.method,
             adjusted: open.adjusted,
+            distances: open.distances,
             primitives: open.primitives,
             piece_first: open.piece_first,
             piece_count: self.plan.pieces.len() as u32 - open.piece_first,
@@ -408,7 +414,8 @@ impl Planning<'_> {
     fn batch(&mut self, info: PipelineInfo) -> &mut OpenBatch {
         let fits = self.open.as_ref().is_some_and(|open| {
             open.method == info.method
-                && open.primitives < self.limit.primitives
+                && open.distances == info.distances
+                && open.primitives < self.limit.primitives_of(info.distances)
                 && (open.fragment_kernels.contains(&info.fragment_kernel)
                     || open.fragment_kernels.len() < abi::MAX_FRAGMENT_KERNELS as usize)
         });
@@ -417,17 +424,18 @@ impl Planning<'_> {
         }
         let piece_first = self.plan.pieces.len() as u32;
         if self.open.is_none() {
-            self.open_batch(info.method, piece_first, (0, 0));
+            self.open_batch(info, piece_first, (0, 0));
         }
         self.open.as_mut().expect("it was opened")
     }
 
-    fn open_batch(&mut self, method: Method, piece_first: u32, kept: (u32, u32)) {
+    fn open_batch(&mut self, info: PipelineInfo, piece_first: u32, kept: (u32, u32)) {
         let vertex_needs = self.spare.open.pop().map_or_else(Vec::new, |open| open.vertex_needs);
         let fragment_kernels = self.spare.kernels.pop().unwrap_or_default();
         self.open = Some(OpenBatch {
-            method,
+            method: info.method,
             adjusted: false,
+            distances: info.distances,
             piece_first,
             primitives: 0,
             vertices: kept.0,
@@ -441,7 +449,7 @@ impl Planning<'_> {
     /// Opens a batch in which the first `slots` vertex slots of the one before stay in place.
     fn keep(&mut self, info: PipelineInfo, slots: u32) {
         let kept = (slots, slots * info.varying_stride);
-        self.open_batch(info.method, self.plan.pieces.len() as u32, kept);
+        self.open_batch(info, self.plan.pieces.len() as u32, kept);
     }
 
     /// Lists the numbers that a shader's kernel gets for a draw, in the order of [`Shader::last_element`]. Returns

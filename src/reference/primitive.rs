@@ -9,9 +9,11 @@ use crate::{
     grid::Grid,
     pass::Pipeline,
     samples::Samples,
+    shader::Distances,
     state::{Cull, FrontFace, PrimitiveKind},
-    trace::{Parts, Positions, Triangle},
+    trace::{Parts, Positions, Shaded, Triangle},
 };
+use std::ops::Range;
 
 /// A position in clip space.
 pub(super) type Vec4 = [f32; 4];
@@ -25,18 +27,39 @@ pub fn run(input: &Input) -> Vec<Parts> {
 
 /// The clip-space positions of the three vertices, as the vertex shader left them.
 pub fn corners(positions: &Positions, assembled: &Assembled) -> [Vec4; 3] {
-    assembled.vertices.map(|vertex| positions.of(vertex).unwrap_or([f32::NAN; 4]))
+    vertices(positions, assembled).map(|vertex| vertex.position)
+}
+
+/// What the vertex shader gave the three vertices.
+fn vertices(positions: &Positions, assembled: &Assembled) -> [Shaded; 3] {
+    let missing = Shaded { position: [f32::NAN; 4], distances: [0.0; _] };
+    assembled.vertices.map(|vertex| positions.of(vertex).copied().unwrap_or(missing))
 }
 
 fn parts(input: &Input, number: usize) -> Parts {
     let assembled = &input.primitives[number];
-    let corners = corners(input.positions, assembled).map(|corner| corner.map(flush));
+    let corners = vertices(input.positions, assembled).map(|vertex| Shaded {
+        position: vertex.position.map(flush),
+        distances: vertex.distances.map(flush),
+    });
+    let pipeline = input.pipeline(number);
     // Not finite, or so far out that a difference of two might not be.
     let usable = |c: &f32| c.abs() < 2f32.powi(126);
-    if !corners.iter().flatten().all(usable) {
+    let are_usable = corners.iter().flat_map(|corner| &corner.position).all(usable);
+    // Numbers that are none are outside.
+    let outside =
+        |n: usize| corners.map(|corner| corner.distances[n].is_nan() || corner.distances[n] < 0.0);
+    let Distances { clip: clips, cull: culls } = pipeline.vertex.reflection.distances;
+    let most = abi::MAX_DISTANCES as usize;
+    let mut clips = 0..clips as usize;
+    let mut all = clips.clone().chain(most - culls as usize..most);
+    let hidden = all.any(|n| outside(n) == [true; 3]);
+    let cuts_by_no_number = clips.any(|n| {
+        outside(n).contains(&true) && !corners.iter().all(|corner| usable(&corner.distances[n]))
+    });
+    if !are_usable || hidden || cuts_by_no_number {
         return vec![None];
     }
-    let pipeline = input.pipeline(number);
     if pipeline.topology.kind() != PrimitiveKind::Triangle {
         // Points of a trace have the size 1: it holds positions alone.
         let shape = shape::of((pipeline, assembled), &corners, 1.0, input.pass.samples);
@@ -47,17 +70,17 @@ fn parts(input: &Input, number: usize) -> Parts {
             .map(|half| set_up(samples, pipeline, assembled, half, Plane::Known(shape.plane)))
             .into();
     }
-    let planes = planes(pipeline);
-    let hidden = (0..planes).any(|p| corners.iter().all(|&c| distance(p, c) < 0.0));
+    let planes = || (0..planes(pipeline)).chain(user_planes(pipeline));
+    let hidden = planes().any(|p| corners.iter().all(|c| distance(p, c) < 0.0));
     if hidden {
         return vec![None];
     }
-    let polygon = clip(&corners, planes);
-    if polygon.len() < 3 || polygon.iter().any(|c| flush(c.position[3]) <= 0.0) {
+    let polygon = clip(&corners, planes());
+    if polygon.len() < 3 || polygon.iter().any(|c| flush(c.at.position[3]) <= 0.0) {
         return vec![None];
     }
     let corners: Vec<_> =
-        polygon.iter().map(|c| to_window(&assembled.window, c.position, c.made)).collect();
+        polygon.iter().map(|c| to_window(&assembled.window, c.at.position, c.made)).collect();
     let triangles = corners[1..].windows(2).map(|pair| {
         let corners = [corners[0], pair[0], pair[1]];
         let samples = input.pass.samples;
@@ -79,37 +102,53 @@ pub(super) fn planes(pipeline: &Pipeline) -> usize {
     if near_and_far { 6 } else { 4 }
 }
 
-pub(super) fn distance(plane: usize, [x, y, z, w]: Vec4) -> f32 {
-    [w - x, w + x, w - y, w + y, z, w - z][plane]
+/// The numbers of the planes that the clip distances of a pipeline are from. They come after those of the view volume.
+pub(super) fn user_planes(pipeline: &Pipeline) -> Range<usize> {
+    6..6 + pipeline.vertex.reflection.distances.clip as usize
+}
+
+/// The distance of a corner from a plane of the view volume or of the user, negative outside.
+pub(super) fn distance(plane: usize, corner: &Shaded) -> f32 {
+    let [x, y, z, w] = corner.position;
+    let of_view = [w - x, w + x, w - y, w + y, z, w - z];
+    of_view.get(plane).copied().unwrap_or_else(|| corner.distances[plane - of_view.len()])
+}
+
+/// The corner at `t` on the way from one to another.
+pub(super) fn between(t: f32, from: &Shaded, to: &Shaded) -> Shaded {
+    let mix = |from: f32, to: f32| from + (to - from) * t;
+    Shaded {
+        position: std::array::from_fn(|i| mix(from.position[i], to.position[i])),
+        distances: std::array::from_fn(|i| mix(from.distances[i], to.distances[i])),
+    }
 }
 
 /// A corner of a clipped polygon.
 #[derive(Clone, Copy)]
 struct Corner {
-    position: Vec4,
+    at: Shaded,
     /// Whether clipping made it.
     made: bool,
 }
 
 /// Sutherland and Hodgman: the polygon that the planes leave of a triangle.
-fn clip(triangle: &[Vec4; 3], planes: usize) -> Vec<Corner> {
-    let mut polygon: Vec<_> =
-        triangle.iter().map(|&position| Corner { position, made: false }).collect();
-    for plane in 0..planes {
-        if triangle.iter().all(|&c| distance(plane, c) >= 0.0) {
+fn clip(triangle: &[Shaded; 3], planes: impl Iterator<Item = usize>) -> Vec<Corner> {
+    let mut polygon: Vec<_> = triangle.iter().map(|&at| Corner { at, made: false }).collect();
+    for plane in planes {
+        if triangle.iter().all(|c| distance(plane, c) >= 0.0) {
             continue;
         }
         let mut kept = Vec::new();
         for (i, &a) in polygon.iter().enumerate() {
             let b = polygon[(i + 1) % polygon.len()];
-            let (da, db) = (distance(plane, a.position), distance(plane, b.position));
+            let (da, db) = (distance(plane, &a.at), distance(plane, &b.at));
             if da >= 0.0 {
                 kept.push(a);
             }
             if da < 0.0 && db >= 0.0 {
-                kept.push(crossing(a.position, da, b.position, db));
+                kept.push(crossing(&a.at, da, &b.at, db));
             } else if da >= 0.0 && db < 0.0 {
-                kept.push(crossing(b.position, db, a.position, da));
+                kept.push(crossing(&b.at, db, &a.at, da));
             }
         }
         polygon = kept;
@@ -120,10 +159,9 @@ fn clip(triangle: &[Vec4; 3], planes: usize) -> Vec<Corner> {
     polygon
 }
 
-fn crossing(outside: Vec4, dout: f32, inside: Vec4, din: f32) -> Corner {
+fn crossing(outside: &Shaded, dout: f32, inside: &Shaded, din: f32) -> Corner {
     let t = flush(dout / (dout - din));
-    let position = std::array::from_fn(|i| outside[i] + (inside[i] - outside[i]) * t);
-    Corner { position, made: true }
+    Corner { at: between(t, outside, inside), made: true }
 }
 
 /// The window position of a vertex, or of a corner that clipping `made`.

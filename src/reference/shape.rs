@@ -5,13 +5,16 @@
 
 use super::{
     assembly::Assembled,
-    primitive::{Vec4, WindowPosition, distance, flush, planes, to_window, usable_plane},
+    primitive::{
+        WindowPosition, between, distance, flush, planes, to_window, usable_plane, user_planes,
+    },
 };
 use crate::{
     abi,
     pass::Pipeline,
     samples::Samples,
     state::{LineMode, PrimitiveKind},
+    trace::Shaded,
 };
 
 /// Beyond this no corner of a shape is drawn.
@@ -28,26 +31,26 @@ pub struct Shape {
 /// The shape of a primitive with these corners in clip space, if there is one. `size` is that of a point.
 pub fn of(
     (pipeline, assembled): (&Pipeline, &Assembled),
-    corners: &[Vec4; 3],
+    corners: &[Shaded; 3],
     size: f32,
     samples: Samples,
 ) -> Option<Shape> {
-    let [a, b, _] = *corners;
+    let [a, b, _] = corners;
     let clips = planes(pipeline) == 6;
-    let beyond = |p: Vec4, plane| distance(plane, p) < 0.0;
+    let beyond = |p: &Shaded, plane| distance(plane, p) < 0.0;
     // The last two planes are near and far.
-    let cuts = |p: Vec4| clips && (beyond(p, 4) || beyond(p, 5));
+    let cuts = |p: &Shaded| clips && (beyond(p, 4) || beyond(p, 5));
     let window = &assembled.window;
     if pipeline.topology.kind() == PrimitiveKind::Point {
-        if a[3] <= 0.0 || cuts(a) {
+        if a.position[3] <= 0.0 || cuts(a) {
             return None;
         }
-        let place = to_window(window, a, false);
+        let place = to_window(window, a.position, false);
         // No target reaches so far, and not-a-number is nowhere.
         let is_near = place[..2].iter().all(|c| c.abs() < FAR_OUT);
         return is_near.then(|| point(place, size, samples));
     }
-    let behind = |p: Vec4| p[3] <= 0.0;
+    let behind = |p: &Shaded| p.position[3] <= 0.0;
     let both = |plane| beyond(a, plane) && beyond(b, plane);
     if (behind(a) && behind(b)) || (clips && (both(4) || both(5))) {
         return None;
@@ -60,13 +63,16 @@ pub fn of(
     if cut.is_empty() && (behind(a) || behind(b)) {
         cut.extend(&sides);
     }
-    let mut ends = Some([to_window(window, a, false), to_window(window, b, false)]);
+    cut.extend(user_planes(pipeline).filter(|&plane| beyond(a, plane) || beyond(b, plane)));
+    let mut ends = Some([a, b].map(|end| to_window(window, end.position, false)));
     for _ in 0..2 {
         if !cut.is_empty() {
             let cut = cut_line([a, b], &cut)?;
             // An end at the eye has no place.
-            let has_places = cut.iter().all(|p| flush(p[3]) > 0.0);
-            let [p, q] = cut;
+            let has_places = cut.iter().all(|p| flush(p.position[3]) > 0.0);
+            let [p, q] = cut.map(|end| end.position);
+            // An end counts as made also if it is merely beyond a side.
+            let made = |end| (0..6).chain(user_planes(pipeline)).any(|plane| beyond(end, plane));
             let places = || [to_window(window, p, made(a)), to_window(window, q, made(b))];
             ends = has_places.then(places);
         }
@@ -81,13 +87,8 @@ pub fn of(
     line(ends?, (pipeline.line_width, pipeline.line_mode), samples)
 }
 
-/// Whether an end counts as made where its line is cut: also if it is merely beyond a side.
-fn made(end: Vec4) -> bool {
-    (0..6).any(|plane| distance(plane, end) < 0.0)
-}
-
 /// The ends that the planes `cut` leave of a line.
-fn cut_line([a, b]: [Vec4; 2], cut: &[usize]) -> Option<[Vec4; 2]> {
+fn cut_line([a, b]: [&Shaded; 2], cut: &[usize]) -> Option<[Shaded; 2]> {
     let (mut ta, mut tb) = (0.0f32, 0.0f32);
     for &plane in cut {
         let (da, db) = (distance(plane, a), distance(plane, b));
@@ -104,9 +105,6 @@ fn cut_line([a, b]: [Vec4; 2], cut: &[usize]) -> Option<[Vec4; 2]> {
     if ta + tb >= 1.0 {
         return None;
     }
-    let between = |t: f32, from: Vec4, to: Vec4| -> Vec4 {
-        std::array::from_fn(|i| from[i] + (to[i] - from[i]) * t)
-    };
     Some([between(ta, a, b), between(tb, b, a)])
 }
 

@@ -44,26 +44,32 @@ pub struct Variant {
     pub colors: u32,
     /// Whether targets or vertex attributes may have any format, or one of the common ones.
     pub any_format: bool,
+    /// Whether vertices may have distances from planes of the user.
+    pub distances: bool,
 }
 
 impl Variant {
     /// What kernels are compiled for that do not ask.
-    #[allow(dead_code)] // for the library
-    pub const PLAIN: Self = Self { colors: 1, any_format: false };
+    pub const PLAIN: Self = Self { colors: 1, any_format: false, distances: false };
 
     /// Those that the kernel `text`, without its macros, tells apart, with up to `most` targets.
     #[allow(dead_code)] // for the tool
     pub fn all(text: &str, most: u32) -> Vec<Self> {
         let counts = if text.contains("EACH_COLOR") { vec![1, most] } else { vec![1] };
         let formats = if text.contains("ANY_FORMAT") { vec![false, true] } else { vec![false] };
-        let of = |colors| formats.iter().map(move |&any_format| Self { colors, any_format });
-        counts.into_iter().flat_map(of).collect()
+        let of = |colors| {
+            formats.iter().map(move |&any_format| Self { colors, any_format, ..Self::PLAIN })
+        };
+        let with_distances = Self { distances: true, ..Self::PLAIN };
+        let with_distances = text.contains("CLIP_BY_DISTANCES").then_some(with_distances);
+        counts.into_iter().flat_map(of).chain(with_distances).collect()
     }
 
     /// The macros that a kernel is compiled with.
     pub fn macros(self) -> String {
         let any = if self.any_format { "#define ANY_FORMAT\n" } else { "" };
-        format!("#define COLORS {}\n{any}", self.colors)
+        let distances = if self.distances { "#define CLIP_BY_DISTANCES\n" } else { "" };
+        format!("#define COLORS {}\n{any}{distances}", self.colors)
     }
 }
 

@@ -9,7 +9,9 @@
 use super::{
     Auxiliary, Interpolation, Scalar, Varying,
     module::{Index, Outcome, ids},
+    usage::Usage,
 };
+use crate::abi;
 use rspirv::{
     dr::Instruction,
     spirv::{BuiltIn, Decoration, Op, StorageClass, Word},
@@ -39,6 +41,8 @@ pub(super) enum Variable {
     BuiltInBlock(Vec<BuiltIn>),
     /// A user's variable or block.
     Leaves(Vec<Leaf>),
+    /// `gl_ClipDistance` or `gl_CullDistance`.
+    Distances(BuiltIn, Vec<Leaf>),
 }
 
 /// Classifies and flattens the variable that `instruction` declares.
@@ -52,7 +56,10 @@ pub(super) fn variable(
     };
     let (_, ty) = index.pointer(pointer)?;
     if let Some(built_in) = index.built_in(id, None) {
-        return Ok(Variable::BuiltIn(built_in));
+        return Ok(match is_distance(built_in) {
+            true => Variable::Distances(built_in, distances(index, ty, built_in, &[])?),
+            false => Variable::BuiltIn(built_in),
+        });
     }
     if index.op(ty)? == Op::TypeStruct && index.built_in(ty, Some(0)).is_some() {
         let members = 0..index.def(ty)?.operands.len() as u32;
@@ -81,6 +88,56 @@ pub(super) fn variable(
     }
     flatten.walk(ty, location.unwrap_or(0), component, (interpolation, auxiliary(has)))?;
     Ok(Variable::Leaves(flatten.leaves))
+}
+
+/// Whether the built-in is a list of distances from planes: those that clip primitives or those that cull them.
+pub(super) fn is_distance(built_in: BuiltIn) -> bool {
+    matches!(built_in, BuiltIn::ClipDistance | BuiltIn::CullDistance)
+}
+
+/// The elements of an array of distances at `path`. Kernels have distances at locations of their own: those of clipping from
+/// the first place on, those of culling from the last place back. So neither has to know how many the other are.
+fn distances(index: &Index, ty: Word, built_in: BuiltIn, path: &[u32]) -> Outcome<Vec<Leaf>> {
+    let (element, count) = match index.op(ty)? {
+        Op::TypeArray => (index.id_operand(ty, 0)?, index.constant(index.id_operand(ty, 1)?)?),
+        _ => return Err(format!("the built-in {built_in:?} with an unusual type")),
+    };
+    let most = abi::MAX_DISTANCES;
+    if count > most {
+        return Err(format!("{count} elements of the built-in {built_in:?}; there are {most}"));
+    }
+    let leaf = |n: u32| {
+        let place = if built_in == BuiltIn::ClipDistance { n } else { most - 1 - n };
+        let varying = Varying {
+            location: abi::DISTANCE_LOCATION + place / 4,
+            component: place % 4,
+            count: 1,
+            scalar: Scalar::Float,
+            interpolation: Interpolation::Smooth,
+            auxiliary: None,
+            index: 0,
+        };
+        Leaf { path: [path, &[n]].concat(), ty: element, varying }
+    };
+    Ok((0..count).map(leaf).collect())
+}
+
+/// The distances among the `members` of a block of built-ins that are used.
+pub(super) fn distances_of_block(
+    index: &Index,
+    usage: &Usage,
+    (variable, ty): (Word, Word),
+    members: &[BuiltIn],
+) -> Outcome<Vec<(BuiltIn, Vec<Leaf>)>> {
+    let mut found = Vec::new();
+    for (n, &built_in) in members.iter().enumerate() {
+        let member = n as u32;
+        if is_distance(built_in) && usage.uses_member(index, variable, member) {
+            let ty = index.id_operand(ty, n)?;
+            found.push((built_in, distances(index, ty, built_in, &[member])?));
+        }
+    }
+    Ok(found)
 }
 
 fn interpolation(has: impl Fn(Decoration) -> bool) -> Option<Interpolation> {

@@ -57,7 +57,7 @@ use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 pub use stored::keep_compiled;
-pub use varying::{Auxiliary, Interpolation, Varying};
+pub use varying::{Auxiliary, Distances, Interpolation, Varying};
 
 /// Which stage a shader is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -284,6 +284,8 @@ pub struct Reflection {
     pub per_sample: bool,
     /// Fragment: reads which samples are covered (`gl_SampleMaskIn`).
     pub reads_coverage: bool,
+    /// Distances from planes that it writes; fragment: reads.
+    pub distances: Distances,
     /// Fragment: interpolates inputs at places of its own (`interpolateAtSample` and relatives).
     pub interpolates: bool,
 }

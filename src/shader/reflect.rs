@@ -26,7 +26,7 @@ pub(super) fn reflect(
         let Some(pointer) = variable.result_type else { continue };
         let (class, _) = index.pointer(pointer)?;
         if interface::is_interface(class) {
-            add_varyings(&index, variable, class, &mut reflection)?;
+            add_varyings((&index, &usage), variable, class, &mut reflection)?;
         }
     }
     let bound = resource::bound(&index, &usage)?;
@@ -59,7 +59,9 @@ pub(super) fn reflect(
         reflection.interpolates |= stage == Stage::Fragment && interpolates(instruction);
         reflection.writes_point_size |= reaches_point_size(&index, instruction);
     }
-    Ok((reflection, details, reach::refusal(&index, &usage)?))
+    let refusal = reach::refusal(&index, &usage)?;
+    let refusal = refusal.or_else(|| reflection.distances.refusal());
+    Ok((reflection, details, refusal))
 }
 
 /// Whether a fragment shader runs for each sample: the interface of its entry point has an input that is a `sample`,
@@ -95,7 +97,7 @@ fn has_sample(index: &Index, ty: Word, depth: u32) -> bool {
 }
 
 fn add_varyings(
-    index: &Index,
+    (index, usage): (&Index, &Usage),
     variable: &Instruction,
     class: StorageClass,
     reflection: &mut Reflection,
@@ -112,7 +114,18 @@ fn add_varyings(
         // A mask of no samples discards the fragment.
         Variable::BuiltIn(BuiltIn::SampleMask) if written => reflection.discards = true,
         Variable::BuiltIn(BuiltIn::SampleMask) => reflection.reads_coverage = true,
-        Variable::BuiltIn(_) | Variable::BuiltInBlock(_) => {}
+        Variable::BuiltIn(_) => {}
+        Variable::Distances(built_in, leaves) => reflection.distances.add(built_in, leaves.len()),
+        Variable::BuiltInBlock(members) => {
+            let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
+                return Ok(());
+            };
+            let block = (id, index.pointer(pointer)?.1);
+            for (built_in, leaves) in interface::distances_of_block(index, usage, block, &members)?
+            {
+                reflection.distances.add(built_in, leaves.len());
+            }
+        }
     }
     Ok(())
 }

@@ -1,6 +1,8 @@
 //! The inputs and outputs of shaders, location by location.
 
 use super::Scalar;
+use crate::abi;
+use rspirv::spirv::BuiltIn;
 
 /// How a fragment input is interpolated from the vertices of its triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -39,4 +41,39 @@ pub struct Varying {
     pub auxiliary: Option<Auxiliary>,
     /// Fragment outputs: 1 for the second source of blending (`layout(index = 1)`), 0 for all others.
     pub index: u32,
+}
+
+/// How many distances from planes a vertex shader gives its vertices, or a fragment shader reads. A negative distance is
+/// outside.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Distances {
+    /// Elements of `gl_ClipDistance`. The part of a primitive where one of them is negative is not drawn.
+    pub clip: u32,
+    /// Elements of `gl_CullDistance`. A primitive is not drawn if one of them is negative at all its vertices.
+    pub cull: u32,
+}
+
+impl Distances {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    pub(super) fn add(&mut self, built_in: BuiltIn, count: usize) {
+        match built_in {
+            BuiltIn::ClipDistance => self.clip += count as u32,
+            _ => self.cull += count as u32,
+        }
+    }
+
+    /// Why no kernel has room for so many; `None` if kernels have.
+    pub(super) fn refusal(&self) -> Option<String> {
+        let Self { clip, cull } = self;
+        (clip + cull > abi::MAX_DISTANCES).then(|| {
+            format!(
+                "it has {clip} clip distances and {cull} cull distances; there are {} of both together",
+                abi::MAX_DISTANCES
+            )
+        })
+    }
 }

@@ -16,7 +16,7 @@ use tilewright::{
     reference,
     state::{Compare, Cull, DepthState, FrontFace, Rect, Topology, Viewport},
     target::DepthTarget,
-    trace::{Positions, Trace},
+    trace::{Positions, Shaded, Trace},
 };
 
 /// Three draws that overlap. The one in the middle uses every field of a draw.
@@ -236,7 +236,7 @@ fn a_changed_intermediate_is_noticed() {
     );
     notices(
         &|trace| {
-            let again = [(lost, [0.0; 4])];
+            let again = [(lost, Shaded { position: [0.0; 4], distances: [0.0; 8] })];
             trace.positions = Positions::new(trace.positions.iter().chain(again).collect());
         },
         &format!("{lost} has several positions"),

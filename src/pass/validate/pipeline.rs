@@ -299,6 +299,17 @@ fn check_attributes(pipeline: &Pipeline) -> Fault {
 /// Checks that the vertex shader writes every input of the fragment shader.
 fn check_varyings(pipeline: &Pipeline) -> Fault {
     let (vertex, fragment) = (&pipeline.vertex, &pipeline.fragment);
+    let (written, read) = (vertex.reflection.distances, fragment.reflection.distances);
+    for (name, written, read) in
+        [("gl_ClipDistance", written.clip, read.clip), ("gl_CullDistance", written.cull, read.cull)]
+    {
+        if read > written {
+            return Err(format!(
+                "`{}` reads {read} elements of {name}, of which `{}` writes {written}",
+                fragment.label, vertex.label
+            ));
+        }
+    }
     for input in &fragment.reflection.inputs {
         if input.location >= abi::MAX_VARYINGS {
             return Err(format!(

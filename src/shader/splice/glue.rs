@@ -116,7 +116,8 @@ impl Glue<'_> {
         let inputs = imported.ports.iter().filter(|p| !p.output);
         let locations: BTreeSet<u32> =
             inputs.flat_map(Port::leaves).map(|leaf| leaf.varying.location).collect();
-        if let Some(beyond) = locations.last().filter(|&&location| location >= limit) {
+        let of_user = locations.iter().rfind(|&&location| location < abi::DISTANCE_LOCATION);
+        if let Some(beyond) = of_user.filter(|&&location| location >= limit) {
             return Err(format!("it reads location {beyond} of {limit}"));
         }
         let groups: BTreeSet<u32> = locations.iter().map(|location| location / group).collect();

@@ -221,7 +221,7 @@ impl Importer<'_, '_> {
             let mut new = self.renamed(instruction);
             for operand in &mut new.operands {
                 if let Operand::StorageClass(class) = operand {
-                    *class = storage_class(*class)?;
+                    *class = limits::storage_class(*class)?;
                 }
             }
             if op == Op::TypeImage
@@ -289,6 +289,7 @@ impl Importer<'_, '_> {
         old_ty: Word,
     ) -> Outcome<()> {
         let ty = self.id(old_ty);
+        let mut distances = Vec::new();
         let kind = match interface::variable(self.index, instruction, self.options.specialization)?
         {
             Variable::BuiltIn(built_in) => {
@@ -303,10 +304,13 @@ impl Importer<'_, '_> {
                 PortKind::BuiltIn(built_in, source)
             }
             Variable::BuiltInBlock(members) if output => {
+                distances =
+                    interface::distances_of_block(self.index, self.usage, (old, old_ty), &members)?;
                 let mut used = Vec::new();
                 for (n, &built_in) in members.iter().enumerate() {
                     let n = n as u32;
-                    if self.usage.uses_member(self.index, old, n) {
+                    let is_distance = interface::is_distance(built_in);
+                    if !is_distance && self.usage.uses_member(self.index, old, n) {
                         let member = self.index.id_operand(old_ty, n as usize)?;
                         let source = self.source(output, built_in)?;
                         used.push((n, self.id(member), built_in, source));
@@ -315,18 +319,27 @@ impl Importer<'_, '_> {
                 PortKind::Block(used)
             }
             Variable::BuiltInBlock(_) => return Err("an input block of built-ins".into()),
-            Variable::Leaves(mut leaves) => {
-                for leaf in &mut leaves {
-                    leaf.ty = self.id(leaf.ty);
-                }
-                PortKind::Leaves(leaves)
+            Variable::Leaves(leaves) | Variable::Distances(_, leaves) => {
+                PortKind::Leaves(self.leaves(leaves))
             }
         };
         let variable = self.linker.private(ty);
         self.map[old as usize] = variable;
         self.own[old as usize] = true;
         self.imported.ports.push(Port { variable, ty, output, kind });
+        for (_, leaves) in distances {
+            let kind = PortKind::Leaves(self.leaves(leaves));
+            self.imported.ports.push(Port { variable, ty, output, kind });
+        }
         Ok(())
+    }
+
+    /// With the kernel's types.
+    fn leaves(&mut self, mut leaves: Vec<interface::Leaf>) -> Vec<interface::Leaf> {
+        for leaf in &mut leaves {
+            leaf.ty = self.id(leaf.ty);
+        }
+        leaves
     }
 
     /// Where a built-in comes from, which this kernel must have.
@@ -351,7 +364,7 @@ impl Importer<'_, '_> {
                 }
                 for operand in &mut instruction.operands {
                     if let Operand::StorageClass(class) = operand {
-                        *class = storage_class(*class)?;
+                        *class = limits::storage_class(*class)?;
                     }
                 }
             }
@@ -474,22 +487,5 @@ impl Importer<'_, '_> {
             }
             self.linker.module.debug_names.push(new);
         }
-    }
-}
-
-/// The kernel's storage class for one of the user's.
-fn storage_class(class: StorageClass) -> Outcome<StorageClass> {
-    match class {
-        StorageClass::Input | StorageClass::Output | StorageClass::Private => {
-            Ok(StorageClass::Private)
-        }
-        StorageClass::Uniform | StorageClass::StorageBuffer | StorageClass::PushConstant => {
-            Ok(StorageClass::StorageBuffer)
-        }
-        StorageClass::Function
-        | StorageClass::UniformConstant
-        | StorageClass::Image
-        | StorageClass::PhysicalStorageBuffer => Ok(class),
-        other => Err(format!("the storage class {other:?}")),
     }
 }

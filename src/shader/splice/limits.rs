@@ -5,7 +5,8 @@
 //! declaration on a list is kept for the compute kernel, replaced, or dropped because the splicer has lowered
 //! the feature that it stands for.
 
-use rspirv::spirv::{Capability, Decoration, ExecutionMode};
+use crate::shader::module::Outcome;
+use rspirv::spirv::{Capability, Decoration, ExecutionMode, StorageClass};
 
 /// How a declared capability is handled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -188,5 +189,22 @@ pub(super) fn decoration(decoration: Decoration) -> Option<bool> {
         | D::UserSemantic
         | D::UserTypeGOOGLE => Some(false),
         _ => None,
+    }
+}
+
+/// The kernel's storage class for one of the user's.
+pub(super) fn storage_class(class: StorageClass) -> Outcome<StorageClass> {
+    match class {
+        StorageClass::Input | StorageClass::Output | StorageClass::Private => {
+            Ok(StorageClass::Private)
+        }
+        StorageClass::Uniform | StorageClass::StorageBuffer | StorageClass::PushConstant => {
+            Ok(StorageClass::StorageBuffer)
+        }
+        StorageClass::Function
+        | StorageClass::UniformConstant
+        | StorageClass::Image
+        | StorageClass::PhysicalStorageBuffer => Ok(class),
+        other => Err(format!("the storage class {other:?}")),
     }
 }

@@ -1,4 +1,3 @@
-// refused: ClipDistance
 #version 460
 in float gl_ClipDistance[1];
 layout(location = 0) out vec4 color;

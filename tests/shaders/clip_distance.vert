@@ -1,4 +1,3 @@
-// refused: ClipDistance
 #version 460
 layout(location = 0) in vec3 position;
 out gl_PerVertex { vec4 gl_Position; float gl_ClipDistance[2]; };
