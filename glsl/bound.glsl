@@ -120,7 +120,7 @@ Bound bind_triangle(const uint key) {
     bind(fields.w);
     uvec3 base = (piece_varyings + (vertices.xyz - piece_vertices) * varying_stride) >> 1;
     varying_base = corners_from(first, base);
-    provoking_base = base.x;
+    provoking_base = base[(vertices.w >> TRIANGLE_PROVOKING_SHIFT) & 3u];
     tw_user_bind_inputs();
     return bound;
 }

@@ -158,7 +158,7 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
     }
     // Clipped and whole triangles share one loop with one call, so that the code is compiled once.
     Viewport viewport = Viewport(vec3(piece.scale, piece.depth_scale), vec3(piece.offset, piece.depth_offset));
-    uint cell = NONE;
+    uint cell = NONE, provoking = provoking_vertex(piece, primitive - piece.first_primitive);
     vec3 first = uintBitsToFloat(a.xyz), previous = uintBitsToFloat(b.xyz);
     [[dont_unroll]] for (uint i = clipped ? 0u : 2u; i < count; i++) {
         vec3 next = uintBitsToFloat(c.xyz);
@@ -168,7 +168,7 @@ uint run(const uint primitive, const uint piece_index, const Piece piece) {
         if (i >= 2u) {
             uint part = i - 2u;
             uint at = part * batch.primitives + primitive;
-            uint more = part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u;
+            uint more = provoking << TRIANGLE_PROVOKING_SHIFT | (part == 0u ? (count - 3u) << TRIANGLE_EXTRA_SHIFT : 0u);
             cell = set_up(at, count > 3u, more, piece, piece_index, slots, first, previous, next, shape, shaped ? part + 1u : 0u);
         }
         previous = next;

@@ -29,4 +29,10 @@ uvec3 vertex_slots(const Piece piece, const uint in_piece) {
     vertex = min(vertex - piece.vertex_min, uvec3(piece.vertices_per_instance - 1u));
     return piece.vertex_base + (instance - piece.instance_min) * piece.vertices_per_instance + vertex;
 }
+
+// Which of the three vertices of a primitive gives its flat inputs.
+uint provoking_vertex(const Piece piece, const uint in_piece) {
+    if ((piece.fragment_state & FRAGMENT_STATE_PROVOKED_LAST) == 0u) return 0u;
+    return last_of(piece.topology, (piece.first_in_draw + in_piece) % piece.primitives_per_instance);
+}
 #endif

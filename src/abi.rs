@@ -189,6 +189,8 @@ shared_constants! {
     pub const TRIANGLE_ALONG_X: u32 = 4096;
     /// [`Triangle::flags`]: it is half of a line whose inputs change along y alone.
     pub const TRIANGLE_ALONG_Y: u32 = 8192;
+    /// [`Triangle::flags`]: first of two bits, the number of the vertex that gives the flat inputs.
+    pub const TRIANGLE_PROVOKING_SHIFT: u32 = 14;
     /// [`Triangle::flags`]: first of eight bits, the exponent of the largest depth of its corners if they are adjusted.
     pub const TRIANGLE_EXPONENT_SHIFT: u32 = 16;
 
@@ -220,6 +222,8 @@ shared_constants! {
     pub const SAMPLE_STATE_ALPHA_ONE: u32 = 512;
     /// [`Piece::fragment_state`]: fragments change depth and stencil values alone, and their shader has no other effect.
     pub const FRAGMENT_STATE_COLORLESS: u32 = 1024;
+    /// [`Piece::fragment_state`]: the last vertex of a primitive gives the flat inputs.
+    pub const FRAGMENT_STATE_PROVOKED_LAST: u32 = 2048;
     /// [`Piece::fragment_state`]: first of 16 bits, those of the samples that may be drawn to.
     pub const SAMPLE_STATE_MASK_SHIFT: u32 = 16;
 
@@ -384,7 +388,7 @@ pub struct Triangle {
     pub dzdy: f32,
     /// Its piece.
     pub piece: u32,
-    /// Vertex slots of the primitive's three vertices, the provoking one first.
+    /// Vertex slots of the primitive's three vertices.
     pub vertices: [u32; 3],
     /// `TRIANGLE_*`.
     pub flags: u32,

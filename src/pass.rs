@@ -12,8 +12,8 @@ use crate::{
     samples::Samples,
     shader::Shader,
     state::{
-        ColorState, Cull, DepthBias, DepthState, FrontFace, LineMode, LogicOp, PrimitiveKind, Rect,
-        Topology, Viewport,
+        ColorState, Cull, DepthBias, DepthState, FrontFace, LineMode, LogicOp, PrimitiveKind,
+        ProvokingVertex, Rect, Topology, Viewport,
     },
     stencil::StencilState,
     target::{ColorTarget, DepthTarget, StencilTarget},
@@ -58,6 +58,8 @@ pub struct Pipeline {
     pub vertex_attributes: Vec<VertexAttribute>,
     /// Primitive assembly.
     pub topology: Topology,
+    /// Which vertex of a primitive gives the inputs that are `flat`.
+    pub provoking_vertex: ProvokingVertex,
     /// The width of lines in pixels, up to 1024.
     pub line_width: f32,
     /// What lines cover.
@@ -111,6 +113,7 @@ impl Pipeline {
             vertex_bindings: Vec::new(),
             vertex_attributes: Vec::new(),
             topology: Topology::default(),
+            provoking_vertex: ProvokingVertex::default(),
             line_width: 1.0,
             line_mode: LineMode::default(),
             cull: Cull::default(),

@@ -1,5 +1,7 @@
 //! Fixed-function state of a pipeline, in Vulkan's terms: plain data, no Vulkan types.
 
+#[allow(unused_imports)] // for the tool, which takes the shared ones
+pub use super::topology::ProvokingVertex;
 pub use super::topology::{LineMode, PrimitiveKind, Topology};
 
 shared_enum! {

@@ -12,24 +12,39 @@ shared_enum! {
         TriangleStrip = 1,
         /// Each vertex after the second makes a triangle with the one before it and the first.
         TriangleFan = 2,
+        /// Three of six vertices each: the first, the third and the fifth. The others are for geometry shaders, and are ignored.
+        TriangleListWithAdjacency = 3,
+        /// Each second vertex makes a strip. The others are ignored.
+        TriangleStripWithAdjacency = 4,
         /// A point for each vertex: a square around it. The vertex shader writes its side in pixels to `gl_PointSize`; it is brought
         /// into 1..=256, and is 1 if the shader writes none. A point is clipped by its centre at the near and the far plane, and cut
         /// at the sides of the viewport. If pixels have several samples, the fragment shader runs twice in pixels on a diagonal of the
         /// square, for the samples on either side.
-        PointList = 3,
+        PointList = 5,
         /// A line for each two vertices. Sides of the viewport cut it and give it no other ends; the near and the far plane do. If
         /// pixels have several samples, the fragment shader may run twice in a pixel, as for points.
-        LineList = 4,
+        LineList = 6,
         /// Each vertex after the first makes a line with the one before it.
-        LineStrip = 5,
+        LineStrip = 7,
+        /// The second and the third of four vertices each. The others are ignored.
+        LineListWithAdjacency = 8,
+        /// All vertices but the first and the last make a strip.
+        LineStripWithAdjacency = 9,
     }
 }
 
 // Kernels tell triangles from lines and points by their order.
 const _: () = {
-    assert!((Topology::TriangleFan as u32) < Topology::PointList as u32);
-    assert!((Topology::PointList as u32) < Topology::LineList as u32);
-    assert!((Topology::LineList as u32) < Topology::LineStrip as u32);
+    let mut at = 0;
+    while at < Topology::ALL.len() {
+        let (topology, points) = (Topology::ALL[at], Topology::PointList as u32);
+        match topology.kind() {
+            PrimitiveKind::Triangle => assert!((topology as u32) < points),
+            PrimitiveKind::Point => assert!(topology as u32 == points),
+            PrimitiveKind::Line => assert!(topology as u32 > points),
+        }
+        at += 1;
+    }
 };
 
 impl Topology {
@@ -41,6 +56,10 @@ impl Topology {
             Topology::LineStrip => vertices.saturating_sub(1),
             Topology::TriangleList => vertices / 3,
             Topology::TriangleStrip | Topology::TriangleFan => vertices.saturating_sub(2),
+            Topology::LineListWithAdjacency => vertices / 4,
+            Topology::LineStripWithAdjacency => vertices.saturating_sub(3),
+            Topology::TriangleListWithAdjacency => vertices / 6,
+            Topology::TriangleStripWithAdjacency => vertices.saturating_sub(4) / 2,
         }
     }
 
@@ -52,6 +71,10 @@ impl Topology {
             Topology::LineStrip => primitives + 1,
             Topology::TriangleList => 3 * primitives,
             Topology::TriangleStrip | Topology::TriangleFan => primitives + 2,
+            Topology::LineListWithAdjacency => 4 * primitives,
+            Topology::LineStripWithAdjacency => primitives + 3,
+            Topology::TriangleListWithAdjacency => 6 * primitives,
+            Topology::TriangleStripWithAdjacency => 2 * primitives + 4,
         }
     }
 
@@ -59,10 +82,15 @@ impl Topology {
     pub const fn kind(self) -> PrimitiveKind {
         match self {
             Topology::PointList => PrimitiveKind::Point,
-            Topology::LineList | Topology::LineStrip => PrimitiveKind::Line,
-            Topology::TriangleList | Topology::TriangleStrip | Topology::TriangleFan => {
-                PrimitiveKind::Triangle
-            }
+            Topology::LineList
+            | Topology::LineStrip
+            | Topology::LineListWithAdjacency
+            | Topology::LineStripWithAdjacency => PrimitiveKind::Line,
+            Topology::TriangleList
+            | Topology::TriangleStrip
+            | Topology::TriangleFan
+            | Topology::TriangleListWithAdjacency
+            | Topology::TriangleStripWithAdjacency => PrimitiveKind::Triangle,
         }
     }
 }
@@ -93,4 +121,14 @@ shared_enum! {
         /// line of width n, rounded to a whole number, covers n of them, one below or beside the other.
         Bresenham = 1,
     }
+}
+
+/// Which vertex of a primitive gives the inputs that are `flat`, as `VkProvokingVertexModeEXT`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ProvokingVertex {
+    /// The first: of the `n`th triangle of a strip the vertex `n`, of a fan `n + 1`.
+    #[default]
+    First,
+    /// The last: of the `n`th triangle of a strip or of a fan the vertex `n + 2`.
+    Last,
 }

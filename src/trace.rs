@@ -59,8 +59,10 @@ pub struct Triangle {
     pub dzdx: f32,
     /// Change of depth per pixel down.
     pub dzdy: f32,
-    /// The primitive's three vertices, the provoking one first.
+    /// The primitive's three vertices; the first again for those that points and lines do not have.
     pub vertices: [Vertex; 3],
+    /// Which of them gives the flat inputs.
+    pub provoking: u32,
     /// Whether it faces the viewer.
     pub front: bool,
     /// Whether the viewport or the scissor of its draw excludes pixels of the target.
@@ -76,7 +78,7 @@ impl Triangle {
     pub fn is_same(&self, other: &Triangle) -> bool {
         let plane = |t: &Triangle| [t.z, t.dzdx, t.dzdy].map(f32::to_bits);
         let place = |t: &Triangle| (t.x, t.y, t.first, t.last);
-        let rest = |t: &Triangle| (t.vertices, t.front, t.cut, t.level, t.exponent);
+        let rest = |t: &Triangle| (t.vertices, t.provoking, t.front, t.cut, t.level, t.exponent);
         plane(self) == plane(other) && place(self) == place(other) && rest(self) == rest(other)
     }
 }

@@ -343,3 +343,39 @@ fn too_many_distances_are_refused() {
         "{fault}"
     );
 }
+
+/// Vulkan lets outputs that nobody writes be anything. Here they are 0, whatever the vertices before them got.
+#[test]
+fn distances_that_are_not_written_are_0() {
+    let vertex = "#version 450
+        layout(location = 0) in vec4 corner;
+        layout(location = 1) in vec4 tint;
+        layout(location = 0) flat out vec4 shade;
+        out gl_PerVertex { vec4 gl_Position; float gl_ClipDistance[2]; };
+        void main() {
+            gl_Position = corner;
+            shade = tint;
+            if (tint.x > 0.5) gl_ClipDistance[1] = -1.0;
+            if (tint.x > 2.0) gl_ClipDistance[0] = -1.0;
+        }";
+    let vertex = Shader::from_glsl(Stage::Vertex, "some", vertex).unwrap();
+    on_each_gpu("distances that are not written are 0", |gpu| {
+        // Every second triangle is outside, and there are more than one turn of the kernel takes. The others cover a few rows each.
+        let corners: Vec<Corner> = (0..6000)
+            .flat_map(|n| {
+                let row = (n % SIDE as usize) as f32 / 32.0 - 1.0;
+                [[-1.0, row], [3.0, row], [-1.0, row + 0.25]].map(|[x, y]| Corner {
+                    place: [x, y, 0.5, 1.0],
+                    tint: [(n % 2) as f32, 0.25, 0.0, 1.0],
+                    distances: [0.0; 8],
+                })
+            })
+            .collect();
+        let pass = pass("unwritten")
+            .pipelines([pipeline(vertex.clone(), FLAT).cull(Cull::None)])
+            .draws([draw(&corners)]);
+        let frame = compute::Renderer::new(gpu).unwrap().render(&pass).unwrap();
+        let mut values = frame.colors[0].values();
+        assert!(values.all(|value| value == [0.0, 0.25, 0.0, 1.0]), "{}", gpu.info());
+    });
+}

@@ -1,6 +1,7 @@
 //! The test suite: one binary, one module for each question it answers.
 
 mod adopt;
+mod assembly;
 mod attributes;
 mod bench;
 mod blocks;

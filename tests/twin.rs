@@ -18,7 +18,8 @@ use tilewright::{
     scene::{PassOptions, Scene},
     shader::{Shader, Stage},
     state::{
-        Blend, Compare, Cull, DepthBias, DepthState, FrontFace, LineMode, Rect, Topology, Viewport,
+        Blend, Compare, Cull, DepthBias, DepthState, FrontFace, LineMode, ProvokingVertex, Rect,
+        Topology, Viewport,
     },
     stencil::{StencilFace, StencilOp, StencilState},
     target::{ColorTarget, DepthTarget, LoadOp, StencilTarget},
@@ -168,12 +169,28 @@ pub fn with_depth_state(seed: u64, mut pass: Pass) -> Pass {
             draw.stencil_reference = [random.below(5) as u8, random.below(5) as u8];
         }
         if kind == 1 && random.below(2) == 0 {
-            let topologies = [Topology::PointList, Topology::LineList, Topology::LineStrip];
+            let topologies = [
+                Topology::PointList,
+                Topology::LineList,
+                Topology::LineStrip,
+                Topology::LineListWithAdjacency,
+                Topology::LineStripWithAdjacency,
+            ];
             let width = [1.0, 1.0 + 8.0 * random.unit()][random.below(2)];
             let mode = LineMode::ALL[random.below(2)];
-            let topology = topologies[random.below(3)];
+            let topology = topologies[random.below(5)];
             let made = (**pipeline).clone().topology(topology).line_mode(mode).line_width(width);
             *pipeline = Arc::new(made);
+        }
+        if kind == 2 && random.below(6) == 0 {
+            let adjacency =
+                [Topology::TriangleListWithAdjacency, Topology::TriangleStripWithAdjacency]
+                    [random.below(2)];
+            *pipeline = Arc::new((**pipeline).clone().topology(adjacency));
+        }
+        if random.below(3) == 0 {
+            let last = (**pipeline).clone().provoking_vertex(ProvokingVertex::Last);
+            *pipeline = Arc::new(last);
         }
         if kind == 2 && random.below(4) == 0 {
             *pipeline = Arc::new((**pipeline).clone().vertex(with_distances()));

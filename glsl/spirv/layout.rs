@@ -81,6 +81,7 @@ const _: () = assert!(abi::TRIANGLE_EXTRA_SHIFT == 8, "TRIANGLE_EXTRA_SHIFT has 
 const _: () = assert!(abi::TRIANGLE_EXTRA_BITS == 4, "TRIANGLE_EXTRA_BITS has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_ALONG_X == 4096, "TRIANGLE_ALONG_X has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_ALONG_Y == 8192, "TRIANGLE_ALONG_Y has changed: run `cargo spirv`");
+const _: () = assert!(abi::TRIANGLE_PROVOKING_SHIFT == 14, "TRIANGLE_PROVOKING_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::TRIANGLE_EXPONENT_SHIFT == 16, "TRIANGLE_EXPONENT_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::SECOND_SOURCE == 256, "SECOND_SOURCE has changed: run `cargo spirv`");
 const _: () = assert!(abi::MAX_COLORS == 8, "MAX_COLORS has changed: run `cargo spirv`");
@@ -95,6 +96,7 @@ const _: () = assert!(abi::DEPTH_STATE_COMPARE_SHIFT == 3, "DEPTH_STATE_COMPARE_
 const _: () = assert!(abi::SAMPLE_STATE_ALPHA_COVERS == 256, "SAMPLE_STATE_ALPHA_COVERS has changed: run `cargo spirv`");
 const _: () = assert!(abi::SAMPLE_STATE_ALPHA_ONE == 512, "SAMPLE_STATE_ALPHA_ONE has changed: run `cargo spirv`");
 const _: () = assert!(abi::FRAGMENT_STATE_COLORLESS == 1024, "FRAGMENT_STATE_COLORLESS has changed: run `cargo spirv`");
+const _: () = assert!(abi::FRAGMENT_STATE_PROVOKED_LAST == 2048, "FRAGMENT_STATE_PROVOKED_LAST has changed: run `cargo spirv`");
 const _: () = assert!(abi::SAMPLE_STATE_MASK_SHIFT == 16, "SAMPLE_STATE_MASK_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::STENCIL_FAIL_SHIFT == 3, "STENCIL_FAIL_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::STENCIL_DEPTH_FAIL_SHIFT == 6, "STENCIL_DEPTH_FAIL_SHIFT has changed: run `cargo spirv`");
@@ -183,9 +185,13 @@ const _: () = assert!(format::Format::D32FloatS8Uint as u32 == 86, "Format::D32F
 const _: () = assert!(state::Topology::TriangleList as u32 == 0, "Topology::TriangleList has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleStrip as u32 == 1, "Topology::TriangleStrip has changed: run `cargo spirv`");
 const _: () = assert!(state::Topology::TriangleFan as u32 == 2, "Topology::TriangleFan has changed: run `cargo spirv`");
-const _: () = assert!(state::Topology::PointList as u32 == 3, "Topology::PointList has changed: run `cargo spirv`");
-const _: () = assert!(state::Topology::LineList as u32 == 4, "Topology::LineList has changed: run `cargo spirv`");
-const _: () = assert!(state::Topology::LineStrip as u32 == 5, "Topology::LineStrip has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::TriangleListWithAdjacency as u32 == 3, "Topology::TriangleListWithAdjacency has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::TriangleStripWithAdjacency as u32 == 4, "Topology::TriangleStripWithAdjacency has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::PointList as u32 == 5, "Topology::PointList has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::LineList as u32 == 6, "Topology::LineList has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::LineStrip as u32 == 7, "Topology::LineStrip has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::LineListWithAdjacency as u32 == 8, "Topology::LineListWithAdjacency has changed: run `cargo spirv`");
+const _: () = assert!(state::Topology::LineStripWithAdjacency as u32 == 9, "Topology::LineStripWithAdjacency has changed: run `cargo spirv`");
 const _: () = assert!(state::PrimitiveKind::Point as u32 == 1, "PrimitiveKind::Point has changed: run `cargo spirv`");
 const _: () = assert!(state::PrimitiveKind::Line as u32 == 2, "PrimitiveKind::Line has changed: run `cargo spirv`");
 const _: () = assert!(state::PrimitiveKind::Triangle as u32 == 3, "PrimitiveKind::Triangle has changed: run `cargo spirv`");

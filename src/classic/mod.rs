@@ -86,6 +86,7 @@ impl Renderer {
     /// [`Error::Usage`] if the pass contradicts itself, [`Error::Capacity`] if it does not fit.
     pub fn prepare(&mut self, pass: &Pass) -> Result<Prepared> {
         pass.check(&mut self.known)?;
+        primitives::check_provoking(pass)?;
         let compiled = self.compiled(pass)?;
         Prepared::new(&self.gpu, &mut self.resources, pass, &compiled)
     }

@@ -3,7 +3,7 @@
 use super::{
     blend::{blend_state, logic_op},
     layout::Layout,
-    primitives::{line_state, line_width, of_primitives, primitive_topology},
+    primitives::{line_state, line_width, of_primitives, primitive_topology, provoking_state},
     stencil::stencil_state,
     target::depth_stencil_format,
 };
@@ -91,6 +91,7 @@ impl Key {
             vertex_bindings,
             vertex_attributes,
             topology,
+            provoking_vertex,
             line_width,
             line_mode,
             cull,
@@ -107,7 +108,7 @@ impl Key {
             sample_shading,
         } = &*self.0;
         let state = (
-            (topology, line_width.to_bits(), line_mode),
+            (topology, provoking_vertex, line_width.to_bits(), line_mode),
             cull,
             front_face,
             (depth, stencil),
@@ -356,6 +357,11 @@ fn create(
     let mut lines = line_state(pipeline, limits);
     let raster = match &mut lines {
         Some(lines) => raster.push_next(lines),
+        None => raster,
+    };
+    let mut provoking = provoking_state(pipeline);
+    let raster = match &mut provoking {
+        Some(provoking) => raster.push_next(provoking),
         None => raster,
     };
     let sample_mask = [pipeline.sample_mask];

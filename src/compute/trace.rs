@@ -169,6 +169,7 @@ impl Names<'_> {
             front: has(abi::TRIANGLE_FRONT),
             cut: has(abi::TRIANGLE_CUT),
             level: flags >> abi::TRIANGLE_LEVEL_SHIFT,
+            provoking: (t.flags >> abi::TRIANGLE_PROVOKING_SHIFT) & 3,
             exponent: has(abi::TRIANGLE_ADJUSTED)
                 .then_some(t.flags >> abi::TRIANGLE_EXPONENT_SHIFT),
         })
@@ -238,6 +239,12 @@ fn elements(topology: Topology, k: u32) -> [u32; 3] {
         Topology::PointList => [k; 3],
         Topology::LineList => [2 * k, 2 * k + 1, 2 * k],
         Topology::LineStrip => [k, k + 1, k],
+        Topology::TriangleListWithAdjacency => [6 * k, 6 * k + 2, 6 * k + 4],
+        Topology::TriangleStripWithAdjacency => {
+            elements(Topology::TriangleStrip, k).map(|element| 2 * element)
+        }
+        Topology::LineListWithAdjacency => [4 * k + 1, 4 * k + 2, 4 * k + 1],
+        Topology::LineStripWithAdjacency => [k + 1, k + 2, k + 1],
     }
 }
 

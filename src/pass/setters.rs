@@ -9,8 +9,8 @@ use crate::{
     samples::Samples,
     shader::Shader,
     state::{
-        Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, LineMode, LogicOp, Rect,
-        Topology, Viewport,
+        Blend, ColorState, Cull, DepthBias, DepthState, FrontFace, LineMode, LogicOp,
+        ProvokingVertex, Rect, Topology, Viewport,
     },
     stencil::StencilState,
     target::{ColorTarget, DepthTarget, StencilTarget},
@@ -46,6 +46,7 @@ impl Pass {
 impl Pipeline {
     setters! {
         topology: Topology,
+        provoking_vertex: ProvokingVertex,
         line_width: f32,
         line_mode: LineMode,
         cull: Cull,

@@ -8,7 +8,10 @@ use crate::{
     pass::{Draw, Pass, Pipeline, StepRate, VertexAttribute},
     samples::Samples,
     shader::Distances,
-    state::{BlendEquation, ColorState, Compare, DepthState, LogicOp, PrimitiveKind, Topology},
+    state::{
+        BlendEquation, ColorState, Compare, DepthState, LogicOp, PrimitiveKind, ProvokingVertex,
+        Topology,
+    },
     stencil::StencilFace,
 };
 use std::ops::Range;
@@ -204,6 +207,10 @@ impl Planning<'_> {
                 | match is_colorless(pipeline, self.pass.colors.len()) {
                     true => abi::FRAGMENT_STATE_COLORLESS,
                     false => 0,
+                }
+                | match pipeline.provoking_vertex {
+                    ProvokingVertex::First => 0,
+                    ProvokingVertex::Last => abi::FRAGMENT_STATE_PROVOKED_LAST,
                 },
             depth_bias: draw
                 .depth_bias
@@ -315,6 +322,10 @@ impl Planning<'_> {
             Topology::TriangleList => 3 * within.start..3 * within.end,
             Topology::TriangleStrip => within.start..within.end + 2,
             Topology::TriangleFan => within.start + 1..within.end + 2,
+            Topology::LineListWithAdjacency => 4 * within.start..4 * within.end,
+            Topology::LineStripWithAdjacency => within.start + 1..within.end + 2,
+            Topology::TriangleListWithAdjacency => 6 * within.start..6 * within.end,
+            Topology::TriangleStripWithAdjacency => 2 * within.start..2 * within.end + 3,
         };
         let mut of = |elements: Range<u32>| match &draw.indices {
             Some(indices) => {

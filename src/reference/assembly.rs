@@ -6,8 +6,8 @@
 
 use super::window::Window;
 use crate::{
-    pass::{Draw, IndexFormat, Pass},
-    state::{DepthBias, PrimitiveKind, Topology},
+    pass::{Draw, IndexFormat, Pass, Pipeline},
+    state::{DepthBias, PrimitiveKind, ProvokingVertex, Topology},
     trace::{Primitive, Vertex},
 };
 
@@ -16,8 +16,10 @@ use crate::{
 pub struct Assembled {
     /// Its name.
     pub primitive: Primitive,
-    /// Its vertices, the provoking one first.
+    /// Its vertices.
     pub vertices: [Vertex; 3],
+    /// Which of them gives the flat inputs.
+    pub provoking: u32,
     /// The viewport and the scissor of its draw.
     pub window: Window,
     /// What is added to its depths.
@@ -58,8 +60,10 @@ fn of_draw(
             instance,
             vertex: vertex_index(draw, element),
         });
+        let provoking = provoking(pipeline, primitive);
         let primitive = Primitive { draw: number, instance, primitive };
         Assembled {
+            provoking,
             primitive,
             vertices,
             window,
@@ -80,7 +84,27 @@ fn elements(topology: Topology, i: u32) -> [u32; 3] {
         Topology::PointList => [i; 3],
         Topology::LineList => [2 * i, 2 * i + 1, 2 * i],
         Topology::LineStrip => [i, i + 1, i],
+        Topology::TriangleListWithAdjacency => [6 * i, 6 * i + 2, 6 * i + 4],
+        Topology::TriangleStripWithAdjacency => match i % 2 {
+            0 => [2 * i, 2 * i + 2, 2 * i + 4],
+            _ => [2 * i, 2 * i + 4, 2 * i + 2],
+        },
+        Topology::LineListWithAdjacency => [4 * i + 1, 4 * i + 2, 4 * i + 1],
+        Topology::LineStripWithAdjacency => [i + 1, i + 2, i + 1],
     }
+}
+
+/// Which of the three elements of primitive number `i` gives its flat inputs: the one that comes first in the draw, or the one
+/// that comes last. The hub of a fan is neither.
+fn provoking(pipeline: &Pipeline, i: u32) -> u32 {
+    let elements = elements(pipeline.topology, i);
+    let is_fan = pipeline.topology == Topology::TriangleFan;
+    let numbered = elements.into_iter().zip(0..).take(if is_fan { 2 } else { 3 });
+    let found = match pipeline.provoking_vertex {
+        ProvokingVertex::First => numbered.min_by_key(|(element, n)| (*element, *n)),
+        ProvokingVertex::Last => numbered.max_by_key(|(element, n)| (*element, 3 - *n)),
+    };
+    found.expect("it has elements").1
 }
 
 /// `gl_VertexIndex` of an element of a draw.
@@ -113,6 +137,8 @@ mod tests {
         assert_eq!(fan, [[1, 2, 0], [2, 3, 0]]);
         let list = [0, 1].map(|i| elements(Topology::TriangleList, i));
         assert_eq!(list, [[0, 1, 2], [3, 4, 5]]);
+        let strip = [0, 1].map(|i| elements(Topology::TriangleStripWithAdjacency, i));
+        assert_eq!(strip, [[0, 2, 4], [2, 6, 4]]);
     }
 
     #[test]

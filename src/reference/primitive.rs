@@ -262,6 +262,7 @@ fn set_up(
         dzdx,
         dzdy,
         vertices: assembled.vertices,
+        provoking: assembled.provoking,
         front,
         cut,
         level: 0,

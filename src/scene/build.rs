@@ -17,7 +17,7 @@ use crate::{
     format::VertexFormat,
     image::Extent,
     pass::{IndexFormat, Pipeline, StepRate, VertexAttribute, VertexBinding},
-    state::{Blend, ColorState, Cull, DepthState, FrontFace, LineMode, Topology},
+    state::{Blend, ColorState, Cull, DepthState, FrontFace, LineMode, ProvokingVertex, Topology},
     texture::Texture,
 };
 use glam::DMat4;
@@ -359,6 +359,7 @@ impl Pipelines<'_> {
                 AlphaMode::Opaque | AlphaMode::Blend => self.shaders.opaque.clone(),
             },
             specialization: Vec::new(),
+            provoking_vertex: ProvokingVertex::First,
             vertex_bindings: bindings,
             vertex_attributes: attributes,
             topology: key.topology,

@@ -79,7 +79,12 @@ impl Mesh {
                 // Every other triangle of a strip has its first two vertices swapped.
                 Topology::TriangleStrip => [at(i), at(i + 1 + i % 2), at(i + 2 - i % 2)],
                 Topology::TriangleFan => [at(i + 1), at(i + 2), at(0)],
+                Topology::TriangleListWithAdjacency => [at(6 * i), at(6 * i + 2), at(6 * i + 4)],
+                Topology::TriangleStripWithAdjacency => {
+                    [2 * i, 2 * (i + 1 + i % 2), 2 * (i + 2 - i % 2)].map(at)
+                }
                 Topology::PointList | Topology::LineList | Topology::LineStrip => [at(i); 3],
+                Topology::LineListWithAdjacency | Topology::LineStripWithAdjacency => [at(i); 3],
             })
             .collect()
     }

@@ -57,7 +57,10 @@ pub(super) fn variable(
     let (_, ty) = index.pointer(pointer)?;
     if let Some(built_in) = index.built_in(id, None) {
         return Ok(match is_distance(built_in) {
-            true => Variable::Distances(built_in, distances(index, ty, built_in, &[])?),
+            true => {
+                let leaves = distances(index, ty, built_in, (&[], specialization))?;
+                Variable::Distances(built_in, leaves)
+            }
             false => Variable::BuiltIn(built_in),
         });
     }
@@ -97,11 +100,17 @@ pub(super) fn is_distance(built_in: BuiltIn) -> bool {
 
 /// The elements of an array of distances at `path`. Kernels have distances at locations of their own: those of clipping from
 /// the first place on, those of culling from the last place back. So neither has to know how many the other are.
-fn distances(index: &Index, ty: Word, built_in: BuiltIn, path: &[u32]) -> Outcome<Vec<Leaf>> {
-    let (element, count) = match index.op(ty)? {
-        Op::TypeArray => (index.id_operand(ty, 0)?, index.constant(index.id_operand(ty, 1)?)?),
-        _ => return Err(format!("the built-in {built_in:?} with an unusual type")),
-    };
+fn distances(
+    index: &Index,
+    ty: Word,
+    built_in: BuiltIn,
+    (path, specialization): (&[u32], Specialization),
+) -> Outcome<Vec<Leaf>> {
+    if index.op(ty)? != Op::TypeArray {
+        return Err(format!("the built-in {built_in:?} with an unusual type"));
+    }
+    let element = index.id_operand(ty, 0)?;
+    let count = length(index, index.id_operand(ty, 1)?, specialization)?;
     let most = abi::MAX_DISTANCES;
     if count > most {
         return Err(format!("{count} elements of the built-in {built_in:?}; there are {most}"));
@@ -124,17 +133,18 @@ fn distances(index: &Index, ty: Word, built_in: BuiltIn, path: &[u32]) -> Outcom
 
 /// The distances among the `members` of a block of built-ins that are used.
 pub(super) fn distances_of_block(
-    index: &Index,
-    usage: &Usage,
+    (index, usage): (&Index, &Usage),
     (variable, ty): (Word, Word),
     members: &[BuiltIn],
+    specialization: Specialization,
 ) -> Outcome<Vec<(BuiltIn, Vec<Leaf>)>> {
     let mut found = Vec::new();
     for (n, &built_in) in members.iter().enumerate() {
         let member = n as u32;
         if is_distance(built_in) && usage.uses_member(index, variable, member) {
             let ty = index.id_operand(ty, n)?;
-            found.push((built_in, distances(index, ty, built_in, &[member])?));
+            let at = (&[member][..], specialization);
+            found.push((built_in, distances(index, ty, built_in, at)?));
         }
     }
     Ok(found)

@@ -121,7 +121,8 @@ fn add_varyings(
                 return Ok(());
             };
             let block = (id, index.pointer(pointer)?.1);
-            for (built_in, leaves) in interface::distances_of_block(index, usage, block, &members)?
+            for (built_in, leaves) in
+                interface::distances_of_block((index, usage), block, &members, &[])?
             {
                 reflection.distances.add(built_in, leaves.len());
             }

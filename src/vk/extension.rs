@@ -29,9 +29,11 @@ pub(super) const OF_DEPTH_CLIP: usize = 2;
 
 /// Lines: rectangular, Bresenham, smooth, then the same with stipples.
 pub(super) const OF_LINES: usize = 3;
+/// Provoking vertices: the last one, then that transform feedback keeps it.
+pub(super) const OF_PROVOKING: usize = 4;
 
 /// The extensions whose features the engine uses on devices that have them, by the numbers above.
-pub(super) const EXTENSIONS: [Extension; 4] = [
+pub(super) const EXTENSIONS: [Extension; 5] = [
     Extension {
         names: &[c"VK_KHR_compute_shader_derivatives", c"VK_NV_compute_shader_derivatives"],
         kind: vk::StructureType::PHYSICAL_DEVICE_COMPUTE_SHADER_DERIVATIVES_FEATURES_NV,
@@ -57,6 +59,12 @@ pub(super) const EXTENSIONS: [Extension; 4] = [
         kind: vk::StructureType::PHYSICAL_DEVICE_LINE_RASTERIZATION_FEATURES_KHR,
         features: 6,
         in_14: Some(5),
+    },
+    Extension {
+        names: &[c"VK_EXT_provoking_vertex"],
+        kind: vk::StructureType::PHYSICAL_DEVICE_PROVOKING_VERTEX_FEATURES_EXT,
+        features: 2,
+        in_14: None,
     },
 ];
 

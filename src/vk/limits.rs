@@ -2,7 +2,9 @@
 
 use super::{
     device::DeviceInfo,
-    requirements::{BRESENHAM_LINES, DEPTH_CLIP, DIVISORS, Probe, RECTANGULAR_LINES},
+    requirements::{
+        BRESENHAM_LINES, DEPTH_CLIP, DIVISORS, PROVOKED_LAST, Probe, RECTANGULAR_LINES,
+    },
 };
 use ash::vk;
 
@@ -84,6 +86,9 @@ pub(crate) struct DrawLimits {
     pub rectangular_lines: bool,
     pub bresenham_lines: bool,
     pub strict_lines: bool,
+    /// Whether primitives may have adjacent vertices, and whether their last vertex may provoke them.
+    pub adjacency: bool,
+    pub provoked_last: bool,
     /// The least and the greatest width of lines.
     pub line_widths: [f32; 2],
     /// Commands of one indirect draw, and whether a buffer may say how many there are.
@@ -131,6 +136,8 @@ pub(super) fn draw_limits(probe: &Probe) -> DrawLimits {
         rectangular_lines: RECTANGULAR_LINES.is_on(&probe.features),
         bresenham_lines: BRESENHAM_LINES.is_on(&probe.features),
         strict_lines: l.strict_lines == vk::TRUE,
+        adjacency: probe.features.core.geometry_shader == vk::TRUE,
+        provoked_last: PROVOKED_LAST.is_on(&probe.features),
         line_widths: match probe.features.core.wide_lines == vk::TRUE {
             true => l.line_width_range,
             false => [1.0; 2],

@@ -42,10 +42,10 @@ pub(super) const DIVISORS: [Feature; 2] = [
 ];
 /// Clipping at the depth planes as a switch of the device's own pipeline.
 pub(super) const DEPTH_CLIP: Feature = named!("depthClipEnable", extended[OF_DEPTH_CLIP][0]);
-
-/// The modes of lines of the device's own pipeline.
+/// Modes of lines and of provoking vertices of the device's own pipeline.
 pub(super) const RECTANGULAR_LINES: Feature = named!("rectangularLines", extended[OF_LINES][0]);
 pub(super) const BRESENHAM_LINES: Feature = named!("bresenhamLines", extended[OF_LINES][1]);
+pub(super) const PROVOKED_LAST: Feature = named!("provokingVertexLast", extended[OF_PROVOKING][0]);
 
 /// Something a device must offer.
 pub struct Requirement {
@@ -336,6 +336,8 @@ pub const OPTIONAL: &[Optional] = &[
     of_classic("VK_EXT_depth_clip_enable", &[DEPTH_CLIP]),
     of_classic("rectangularLines of VK_EXT_line_rasterization", &[RECTANGULAR_LINES]),
     of_classic("bresenhamLines of VK_EXT_line_rasterization", &[BRESENHAM_LINES]),
+    of_classic("VK_EXT_provoking_vertex", &[PROVOKED_LAST]),
+    of_classic("geometryShader", &[named!("geometryShader", core.geometry_shader)]),
     of_classic("wideLines", &[named!("wideLines", core.wide_lines)]),
     of_classic("largePoints", &[named!("largePoints", core.large_points)]),
     of_classic("dualSrcBlend", &[named!("dualSrcBlend", core.dual_src_blend)]),

@@ -304,8 +304,12 @@ impl Importer<'_, '_> {
                 PortKind::BuiltIn(built_in, source)
             }
             Variable::BuiltInBlock(members) if output => {
-                distances =
-                    interface::distances_of_block(self.index, self.usage, (old, old_ty), &members)?;
+                distances = interface::distances_of_block(
+                    (self.index, self.usage),
+                    (old, old_ty),
+                    &members,
+                    self.options.specialization,
+                )?;
                 let mut used = Vec::new();
                 for (n, &built_in) in members.iter().enumerate() {
                     let n = n as u32;
@@ -326,6 +330,11 @@ impl Importer<'_, '_> {
         let variable = self.linker.private(ty);
         self.map[old as usize] = variable;
         self.own[old as usize] = true;
+        // What a shader leaves unwritten may be anything in Vulkan. Here it is 0, whatever was shaded before.
+        if output && !matches!(kind, PortKind::BuiltIn(..)) {
+            let null = self.linker.null(ty);
+            self.imported.initial.push((variable, null));
+        }
         self.imported.ports.push(Port { variable, ty, output, kind });
         for (_, leaves) in distances {
             let kind = PortKind::Leaves(self.leaves(leaves));
