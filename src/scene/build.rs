@@ -49,7 +49,7 @@ const STREAMS: usize = 6;
 /// Rows of an affine matrix, three locations.
 const INSTANCE_ROWS: usize = 3;
 
-/// One drawable: a glTF primitive, the faces of one material of an OBJ group.
+/// One drawable: a glTF primitive; the faces, lines or points of one material of an OBJ group.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub topology: Topology,

@@ -196,7 +196,7 @@ impl Mesh {
     }
 
     /// Whether each vertex has a normal that points somewhere.
-    fn has_usable_normals(&self) -> bool {
+    pub fn has_usable_normals(&self) -> bool {
         self.normals.len() == self.positions.len() && self.normals.iter().all(is_usable)
     }
 

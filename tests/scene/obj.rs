@@ -1,6 +1,8 @@
 //! OBJ and MTL files as people really write them, by the pictures they give. Each case came out wrong in
 //! this or in another program.
 
+mod elements;
+
 use super::loaded::Case;
 use crate::common::{TestGpu, gpu};
 use glam::DVec3;
@@ -143,7 +145,7 @@ fn squares_of_one_colour() {
         ("relative numbers", with(face, "f -4//-1 -3//-1 -2//-1 -1//-1\n"), RED),
         ("numbers of all kinds", with(face, "f 1 2//1 3/7/1 -1//\n"), RED),
         ("faces before vertices", format!("mtllib m.mtl\nusemtl red\n{face}{SQUARE}").into(), RED),
-        ("smoothing and lines", with("f 1", "s off\nl 1 2\np 1\ng a b c\no\ng\nf 1"), RED),
+        ("smoothing and groups", with("f 1", "s off\ng a b c\no\ng\nf 1"), RED),
         ("curves", with("f 1", "vp 0 1\ncstype bezier\ndeg 1\ncurv 0 1 1 2\nend\nf 1"), RED),
         ("a normal without a length", with("vn 0 0 1", "vn 0 0 0"), RED),
         ("a normal of any length", with("vn 0 0 1", "vn 0 0 1e-30"), RED),

@@ -1,4 +1,4 @@
-//! From the polygons of a file to meshes in single precision.
+//! From the polygons, polylines and points of a file to meshes in single precision.
 
 use super::{
     super::{
@@ -10,6 +10,7 @@ use super::{
     parse::{Corner, Group, NONE, Obj, Smoothing},
     polygon,
 };
+use crate::state::PrimitiveKind;
 use glam::{DVec3, Vec2};
 
 /// Faces within this angle (its cosine, 50 degrees) are smoothed where a file leaves it open.
@@ -69,11 +70,11 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     }
 }
 
-/// The triangles of a group around `anchor`, with normals.
+/// A group around `anchor`. Triangles have normals; lines and points have them if the file has one for each vertex.
 pub(super) fn mesh(obj: &Obj, group: &Group, anchor: Anchor, steps: &mut u64) -> Mesh {
     let has_uvs = group.corners.iter().any(|c| c[1] != NONE);
     let has_normals = group.corners.iter().any(|c| c[2] != NONE);
-    let mut mesh = Mesh { anchor, ..Mesh::default() };
+    let mut mesh = Mesh { topology: group.topology, anchor, ..Mesh::default() };
     let mut numbers: BitMap<Corner, u32> =
         BitMap::with_capacity_and_hasher(group.corners.len() / 2, Default::default());
     let mut indices = Vec::with_capacity(group.corners.len());
@@ -93,19 +94,33 @@ pub(super) fn mesh(obj: &Obj, group: &Group, anchor: Anchor, steps: &mut u64) ->
             mesh.positions.len() as u32 - 1
         })
     };
+    let kind = group.topology.kind();
     let (mut at, mut points, mut triangles) = (0, Vec::new(), Vec::new());
     for &arity in &group.arities {
         let corners = &group.corners[at..at + arity as usize];
         at += arity as usize;
-        points.clear();
-        points.extend(corners.iter().map(|c| obj.positions[c[0] as usize]));
-        triangles.clear();
-        polygon::triangulate(&points, steps, &mut triangles);
-        for &corner in triangles.as_flattened() {
-            indices.push(add(corners[corner], &mut mesh));
+        match kind {
+            PrimitiveKind::Point => indices.extend(corners.iter().map(|&c| add(c, &mut mesh))),
+            PrimitiveKind::Line => {
+                indices.extend(corners.windows(2).flatten().map(|&c| add(c, &mut mesh)));
+            }
+            PrimitiveKind::Triangle => {
+                points.clear();
+                points.extend(corners.iter().map(|c| obj.positions[c[0] as usize]));
+                triangles.clear();
+                polygon::triangulate(&points, steps, &mut triangles);
+                let cut = triangles.as_flattened();
+                indices.extend(cut.iter().map(|&corner| add(corners[corner], &mut mesh)));
+            }
         }
     }
     mesh.indices = Some(indices);
+    if kind != PrimitiveKind::Triangle {
+        if !mesh.has_usable_normals() {
+            mesh.normals.clear();
+        }
+        return mesh;
+    }
     let how = match group.smoothing {
         Smoothing::Off => Normals::Flat,
         Smoothing::Unsaid => Normals::Smooth { crease: CREASE },

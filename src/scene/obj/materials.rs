@@ -25,7 +25,7 @@ use std::{
 /// A name of a file has at most this many words with single blanks between them.
 const WORDS_OF_A_NAME: usize = 8;
 
-/// Adds the materials of the file at `path`, in the order of [`Obj::materials`], and one for faces
+/// Adds the materials of the file at `path`, in the order of [`Obj::materials`], and one for elements
 /// without.
 pub(super) fn add(obj: &Obj, path: &Path, builder: &mut Builder) {
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -45,7 +45,7 @@ pub(super) fn add(obj: &Obj, path: &Path, builder: &mut Builder) {
             None => {
                 let name = shown(name);
                 pictures.builder.warn(format!(
-                    "the material `{name}` is not defined; its faces are drawn without one"
+                    "the material `{name}` is not defined; what uses it is drawn without one"
                 ));
                 bare(obj)
             }
@@ -111,7 +111,7 @@ fn libraries(obj: &Obj, path: &Path, folder: &Path, builder: &mut Builder) -> Li
     library
 }
 
-/// The material of faces that have none: grey, or white where vertices have colours.
+/// The material of elements that have none: grey, or white where vertices have colours.
 fn bare(obj: &Obj) -> Material {
     let base = if obj.colors.is_empty() { 0.6 } else { 1.0 };
     Material {

@@ -3,17 +3,21 @@
 //! No crate reads them, because the existing crates drop texture coordinates or normals that only some corners
 //! have, cut concave polygons into fans and cannot name the line of a fault.
 
+mod elements;
+
 use super::{
     colors,
     text::{Statements, number, number_words, shown, split_word},
 };
+use crate::state::Topology;
+use elements::{FACE, LINE, POINT};
 use glam::{DVec3, Vec2, Vec3};
 use std::collections::HashMap;
 
 /// A corner without a texture coordinate or normal has this in its place.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// A corner of a polygon: numbers of position, texture coordinate and normal.
+/// A corner of a polygon, a vertex of a polyline or a point: numbers of position, texture coordinate and normal.
 pub(super) type Corner = [u32; 3];
 
 /// Whether and with which others the faces of a group are smoothed when they have no normals.
@@ -28,14 +32,16 @@ pub(super) enum Smoothing {
     Group(u32),
 }
 
-/// Polygons that become one mesh.
+/// Polygons, polylines or points that become one mesh.
 #[derive(Debug, Default)]
 pub(super) struct Group {
+    /// What they become.
+    pub topology: Topology,
     /// Number in [`Obj::materials`], [`NONE`] without.
     pub material: u32,
     pub smoothing: Smoothing,
     pub corners: Vec<Corner>,
-    /// Corners of each polygon, at least 3.
+    /// Corners of each statement: at least 3 of a polygon, 2 of a polyline and 1 of points.
     pub arities: Vec<u32>,
 }
 
@@ -123,8 +129,11 @@ pub(super) fn parse(text: &[u8]) -> Result<Obj, String> {
             obj.warnings.push(format!("{count} {what}"));
         }
     };
-    warn(parser.skipped, "points, lines or faces of fewer than 3 corners are not drawn");
-    warn(parser.dangling, "texture coordinates or normals of faces do not exist and are left out");
+    warn(
+        parser.skipped,
+        "faces of fewer than 3 vertices, lines of fewer than 2 or points without any are not drawn",
+    );
+    warn(parser.dangling, "texture coordinates or normals do not exist and are left out");
     if parser.curves {
         obj.warnings.push("curves and free-form surfaces are not drawn".into());
     }
@@ -147,13 +156,14 @@ struct Parser {
     object: u32,
     material: u32,
     smoothing: Smoothing,
-    groups: HashMap<(u32, u32, Smoothing), usize>,
-    /// Number of the group for faces, until a statement changes that.
-    group: Option<usize>,
+    groups: HashMap<(u32, u32, Smoothing, Topology), usize>,
+    /// Number of the group that the last element is in, until a statement changes that.
+    group: Option<(Topology, usize)>,
     materials: HashMap<Vec<u8>, u32>,
     libraries: HashMap<Vec<u8>, ()>,
-    /// Largest vertex number that was not yet there when a face referred to it, and the line.
-    latest: Option<(i64, usize)>,
+    /// Largest vertex number that was not yet there when an element referred to it, the statement's line, and
+    /// the element's name.
+    latest: Option<(i64, usize, &'static str)>,
     /// Whether the same was so for a texture coordinate or a normal.
     late: bool,
     skipped: usize,
@@ -180,8 +190,9 @@ impl Parser {
                 let normal = DVec3::from_array(three(rest)).normalize_or_zero();
                 self.obj.normals.push(normal.as_vec3());
             }
-            b"f" | b"fo" => self.face(rest)?,
-            b"p" | b"l" => self.skipped += 1,
+            b"f" | b"fo" => self.element(FACE, rest)?,
+            b"l" => self.element(LINE, rest)?,
+            b"p" => self.element(POINT, rest)?,
             b"curv" | b"curv2" | b"surf" => self.curves = true,
             b"o" | b"g" => {
                 self.object += 1;
@@ -254,7 +265,7 @@ impl Parser {
         Ok(())
     }
 
-    /// The number of the material that faces have after `usemtl name`.
+    /// The number of the material that elements have after `usemtl name`.
     fn material(&mut self, name: &[u8]) -> u32 {
         // Without a name, or with one of those that exporters write instead, there is none.
         if matches!(name, b"" | b"(null)") {
@@ -268,97 +279,6 @@ impl Parser {
         self.materials.insert(name.to_vec(), number);
         number
     }
-
-    fn face(&mut self, rest: &[u8]) -> Result<(), String> {
-        let obj = &mut self.obj;
-        let index = *self.group.get_or_insert_with(|| {
-            let (material, smoothing) = (self.material, self.smoothing);
-            *self.groups.entry((self.object, material, smoothing)).or_insert_with(|| {
-                obj.groups.push(Group { material, smoothing, ..Group::default() });
-                obj.groups.len() - 1
-            })
-        });
-        let counts = [obj.positions.len(), obj.uvs.len(), obj.normals.len()].map(|n| n as i64);
-        let group = &mut obj.groups[index];
-        let before = group.corners.len();
-        for word in number_words(rest) {
-            let mut corner = [NONE; 3];
-            let texts = word.split(|&b| b == b'/');
-            for (i, (slot, text)) in corner.iter_mut().zip(texts).enumerate() {
-                if text.is_empty() {
-                    continue;
-                }
-                let number = integer(text)
-                    .ok_or_else(|| format!("`{}` is no corner of a face", shown(word)))?;
-                let found = if number > 0 { number - 1 } else { counts[i] + number };
-                if number == 0 || found < 0 {
-                    // Files that name texture coordinates or normals that they lack are common.
-                    self.dangling += usize::from(i > 0);
-                    if i == 0 {
-                        return Err(format!(
-                            "a face refers to vertex {number}, but there are {} so far",
-                            counts[i]
-                        ));
-                    }
-                    continue;
-                }
-                if found >= counts[i] {
-                    self.late |= i > 0;
-                    if i == 0 && self.latest.is_none_or(|(latest, _)| latest < number) {
-                        self.latest = Some((number, self.number));
-                    }
-                }
-                *slot = found.min(i64::from(NONE - 1)) as u32;
-            }
-            if corner[0] == NONE {
-                return Err(format!("`{}` has no vertex", shown(word)));
-            }
-            group.corners.push(corner);
-        }
-        let arity = group.corners.len() - before;
-        if arity < 3 {
-            group.corners.truncate(before);
-            self.skipped += 1;
-        } else {
-            group.arities.push(arity as u32);
-        }
-        Ok(())
-    }
-
-    /// Some files have their faces before their vertices, so that numbers can be checked only at the
-    /// end.
-    fn resolve_later(&mut self) -> Result<(), String> {
-        let obj = &mut self.obj;
-        let count = obj.positions.len();
-        if let Some((number, line)) = self.latest
-            && number > count as i64
-        {
-            return Err(format!(
-                "line {line}: a face refers to vertex {number}, but there are {count}"
-            ));
-        }
-        if self.late {
-            let counts = [count, obj.uvs.len(), obj.normals.len()];
-            for corner in obj.groups.iter_mut().flat_map(|group| &mut group.corners) {
-                for (slot, count) in corner.iter_mut().zip(counts) {
-                    if *slot != NONE && *slot as usize >= count {
-                        *slot = NONE;
-                        self.dangling += 1;
-                    }
-                }
-            }
-        }
-        // A file whose faces have too few corners has groups without any.
-        obj.groups.retain(|group| !group.arities.is_empty());
-        Ok(())
-    }
-}
-
-/// A whole number. Some exporters write it as `4.0`.
-fn integer(text: &[u8]) -> Option<i64> {
-    let text = std::str::from_utf8(text).ok()?;
-    let whole = |v: &f64| v.fract() == 0.0 && v.abs() < 1e15;
-    text.parse().ok().or_else(|| text.parse().ok().filter(whole).map(|v| v as i64))
 }
 
 /// Up to three numbers; those that are missing are 0.
@@ -399,7 +319,14 @@ mod tests {
             ("v 0 0 0\n\nf 0 1 1", "line 3: a face refers to vertex 0"),
             ("v 1 2\n", "line 1: a vertex has 2 numbers"),
             ("v 1 2 x\n", "line 1: `x` is no number"),
-            ("v 0 0 0\rf 1 x 1", "line 2: `x` is no corner"),
+            ("v 0 0 0\rf 1 x 1", "line 2: `x` is no vertex of a face"),
+            ("v 0 0 0\nl 0 1", "line 2: a line refers to vertex 0, but there are 1 so far"),
+            ("v 0 0 0\nl 1 -2", "line 2: a line refers to vertex -2, but there are 1 so far"),
+            ("l 1 2\nv 0 0 0", "line 1: a line refers to vertex 2, but there are 1"),
+            ("v 0 0 0\np 1 2", "line 2: a point refers to vertex 2, but there are 1"),
+            ("v 0 0 0\np 1 0", "line 2: a point refers to vertex 0"),
+            ("v 0 0 0\np 1 x", "line 2: `x` is no vertex of a point"),
+            ("v 0 0 0\nl 1 /1", "line 2: `/1` has no vertex"),
             ("v 0 0 0\nf \\\n1 1 \\\n-2", "line 4: a face refers to vertex -2"),
             ("\nHello\nv", "line 3: a vertex has 0 numbers"),
             ("\nHello\nworld", "line 2, `Hello`, is no statement"),
@@ -420,6 +347,23 @@ mod tests {
         assert_eq!(obj.groups[4].smoothing, Smoothing::Group(3));
         assert_eq!(obj.groups[5].material, NONE, "`usemtl` without a name ends the material");
         assert_eq!(obj.warnings.len(), 1);
+    }
+
+    #[test]
+    fn lines_and_points_are_groups_of_their_own() {
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nl 1/1 2/7 -1\ns 1\np 1 2\nL 1 3\nf 1 2 3\np -1\n\
+                    l 1\np\nusemtl a\nl 1 2\no b\nl 2 3\n";
+        let obj = read(text);
+        let groups: Vec<_> = obj.groups.iter().map(|g| (g.topology, &g.arities[..])).collect();
+        let (line, point) = (LINE.topology, POINT.topology);
+        let (one, lines) = ((line, &[2][..]), (line, &[3, 2][..]));
+        let found = [lines, (point, &[2, 1][..]), (FACE.topology, &[3][..]), one, one];
+        assert_eq!(groups, found);
+        assert_eq!(obj.groups[0].corners[..3], [[0, 0, NONE], [1, NONE, NONE], [2, NONE, NONE]]);
+        assert_eq!(obj.groups[1].corners.iter().map(|c| c[0]).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!((obj.groups[3].material, obj.groups[4].material), (0, 0));
+        assert!(obj.warnings[0].starts_with("2 faces of fewer than 3"), "{:?}", obj.warnings);
+        assert!(obj.warnings[1].starts_with("1 texture coordinates"), "{:?}", obj.warnings);
     }
 
     #[test]
