@@ -29,7 +29,7 @@ mod indices;
 mod indirect;
 mod setters;
 mod snapshot;
-mod validate;
+pub(crate) mod validate;
 mod vertex;
 mod written;
 

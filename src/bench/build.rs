@@ -2,6 +2,7 @@
 
 use super::{
     geometry::{Kind, Model, Object, Vertex, model},
+    lines::{Lines, sides},
     recipe::Recipe,
 };
 use crate::{
@@ -15,12 +16,13 @@ use crate::{
     prebuilt::bench as prebuilt,
     random::Random,
     shader::{Shader, Stage},
-    state::{Blend, Cull, DepthState},
-    target::{ColorTarget, DepthTarget},
+    state::{Blend, Cull, DepthState, Topology},
+    target::{ColorTarget, DepthTarget, StencilTarget},
     texture::{Sampler, Texture},
 };
 use glam::{Mat4, Vec3, Vec4};
 use std::{
+    borrow::Cow,
     mem::offset_of,
     sync::{Arc, OnceLock},
 };
@@ -73,13 +75,23 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
     recipe.check().map_err(|reason| Error::Usage(format!("{name}: {reason}")))?;
     let model = model(recipe, extent);
     let buffer = |label: &str, bytes: &[u8]| Arc::new(BufferSource::new(label, bytes.to_vec()));
+    let topology = match recipe.lines {
+        None => Topology::TriangleList,
+        Some(_) => Topology::LineList,
+    };
+    // Indices of a primitive.
+    let corners = topology.elements(1);
     let meshes: Vec<_> = model
         .meshes
         .iter()
         .map(|mesh| {
+            let indices: Cow<[u32]> = match recipe.lines {
+                None => (&mesh.indices).into(),
+                Some(_) => sides(&mesh.indices).into(),
+            };
             (
                 buffer("vertices", bytemuck::cast_slice(&mesh.vertices)),
-                buffer("indices", bytemuck::cast_slice(&mesh.indices)),
+                buffer("indices", bytemuck::cast_slice(&indices)),
             )
         })
         .collect();
@@ -91,10 +103,10 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
     let pieces = (recipe.draws as usize).div_ceil(model.objects.len().max(1)) as u32;
     for object in &model.objects {
         let (vertices, indices) = &meshes[object.mesh];
-        let triangles = (indices.len() / 12) as u32;
-        for piece in 0..pieces.min(triangles) {
+        let primitives = (indices.len() / 4) as u32 / corners;
+        for piece in 0..pieces.min(primitives) {
             let cut = |n: u32| {
-                (u64::from(triangles) * u64::from(n) / u64::from(pieces.min(triangles))) as u32
+                (u64::from(primitives) * u64::from(n) / u64::from(pieces.min(primitives))) as u32
             };
             let number = draws.len() as u32;
             let material = match object.kind {
@@ -106,8 +118,12 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
                 push_constants: push_constants(object),
                 vertex_buffers: vec![BufferRange::whole(vertices)],
                 indices: Some(Indices::new(BufferRange::whole(indices), IndexFormat::U32)),
-                first: cut(piece) * 3,
-                ..Draw::new(pipelines.of(object.kind, number), (cut(piece + 1) - cut(piece)) * 3)
+                first: cut(piece) * corners,
+                stencil_reference: [number as u8; 2],
+                ..Draw::new(
+                    pipelines.of(object.kind, number),
+                    (cut(piece + 1) - cut(piece)) * corners,
+                )
             });
         }
     }
@@ -117,7 +133,7 @@ pub fn pass(name: &str, recipe: &Recipe, extent: Extent) -> Result<Pass> {
         extent,
         colors: vec![target; recipe.targets as usize],
         depth: Some(DepthTarget::cleared(1.0)),
-        stencil: None,
+        stencil: recipe.stencil.state().map(|_| StencilTarget::cleared(0)),
         samples: recipe.samples,
         pipelines: pipelines.made.into_iter().map(|(_, pipeline)| pipeline).collect(),
         draws,
@@ -147,6 +163,14 @@ impl Pipelines<'_> {
     fn make(&self, (kind, number): Key) -> Pipeline {
         let recipe = self.recipe;
         let blended = matches!(kind, Kind::Glass | Kind::Leaf);
+        let pipeline = Pipeline::new("surface", self.shaders.0.clone(), self.shaders.1.clone())
+            .blend(blended.then_some(Blend::ALPHA));
+        let pipeline = match recipe.lines {
+            None => pipeline,
+            Some(Lines { width, mode }) => {
+                pipeline.topology(Topology::LineList).line_width(width).line_mode(mode)
+            }
+        };
         let attribute = |location, format, offset| VertexAttribute {
             location,
             binding: 0,
@@ -172,8 +196,8 @@ impl Pipelines<'_> {
             ],
             cull: if kind == Kind::Solid { Cull::Back } else { Cull::None },
             depth: DepthState { write: !blended, ..DepthState::LESS },
-            ..Pipeline::new("surface", self.shaders.0.clone(), self.shaders.1.clone())
-                .blend(blended.then_some(Blend::ALPHA))
+            stencil: recipe.stencil.state(),
+            ..pipeline
         }
     }
 }

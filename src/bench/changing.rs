@@ -10,7 +10,7 @@
 //! * classic uploads the new buffers, writes its descriptor sets, records its command buffer, submits it and waits.
 //!   Its pipelines stay, and nothing is validated: a program that calls Vulkan itself would pay for neither.
 //!
-//! Both draw to one image of the device, and need depth no longer than the frame.
+//! Both draw to one image of the device, and need depths and stencil values no longer than the frame.
 
 use super::run::{Executors, Frame, Rounds, Settings, rounds};
 use crate::{
@@ -33,7 +33,7 @@ pub fn renewed(pass: &Pass) -> Pass {
     new
 }
 
-/// `pass`, which draws to images and does not keep depth.
+/// `pass`, which draws to images and keeps neither depths nor stencil values.
 fn on_images(gpu: &Gpu, pass: &Pass) -> Result<Pass> {
     let mut pass = pass.clone();
     let (extent, usage) = (pass.extent, ImageUse::Attachment);
@@ -43,6 +43,9 @@ fn on_images(gpu: &Gpu, pass: &Pass) -> Result<Pass> {
     }
     if let Some(depth) = &mut pass.depth {
         depth.store = StoreOp::Discard;
+    }
+    if let Some(stencil) = &mut pass.stencil {
+        stencil.store = StoreOp::Discard;
     }
     Ok(pass)
 }

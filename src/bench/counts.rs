@@ -21,6 +21,8 @@ pub struct Counts {
     pub samples: u32,
     /// Colour targets.
     pub targets: usize,
+    /// Whether there is a stencil target.
+    pub stencil: bool,
     /// Bytes of a sample in all colour targets together.
     pub color_bytes: u64,
     /// Compute: runs of vertex shaders, each vertex of a batch once.
@@ -95,6 +97,7 @@ impl Counts {
             pipelines: used.len(),
             samples: pass.samples.count(),
             targets: pass.colors.len(),
+            stencil: pass.stencil.is_some(),
             color_bytes: color_bytes.sum(),
             vertices,
             batches: plan.batches.len(),

@@ -137,12 +137,12 @@ impl Least {
     /// if there is no rule for the stage.
     pub fn of(stage: &str, counts: &Counts, extent: Extent) -> Option<Self> {
         let pixels = extent.pixels() as u64;
-        // Depth and colours are kept for each sample.
+        // Depth, stencil values and colours are kept for each sample.
         let samples = pixels * u64::from(counts.samples);
         let (position, depth) = (16, 4);
         let only = |bytes| Some(Self { bytes, atomics: 0 });
         match stage {
-            "clear" => only(samples * (counts.color_bytes + depth)),
+            "clear" => only(samples * (counts.color_bytes + depth + u64::from(counts.stencil))),
             // Positions go out twice: in clip space and in the window.
             "vertex" => only(
                 counts.attribute_bytes + counts.vertices * 2 * position + counts.varying_words * 4,
@@ -186,5 +186,8 @@ mod tests {
         assert_eq!(of(4, 8), [Some(4800), Some(1600), Some(3200), Some(4000)]);
         assert_eq!(bytes("primitive", 1, 4), bytes("primitive", 4, 8));
         assert_eq!(bytes("ordered", 4, 8), None);
+        let stencil = Counts { samples: 4, stencil: true, ..Counts::default() };
+        let cleared = Least::of("clear", &stencil, Extent::new(10, 10)).map(|least| least.bytes);
+        assert_eq!(cleared, Some(400 * 5), "a depth and a stencil value for each sample");
     }
 }

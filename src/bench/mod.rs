@@ -5,6 +5,7 @@
 //! | `recipe` | the recipe of a generated scene, and the axes along which recipes vary |
 //! | `scenes` | the named scenes |
 //! | `geometry`, `build` | from a recipe to a pass |
+//! | `stencil`, `lines` | the stencil tests of a scene, and its triangles drawn as lines |
 //! | `run` | pictures compared, then frames in turns |
 //! | `changing` | frames in which everything changes |
 //! | `stages` | compute's frame taken apart |
@@ -29,6 +30,7 @@ mod diff;
 mod environment;
 mod geometry;
 mod limits;
+mod lines;
 mod recipe;
 mod report;
 mod rows;
@@ -36,6 +38,7 @@ mod run;
 mod scenes;
 mod stages;
 pub mod statistics;
+mod stencil;
 mod table;
 mod watch;
 
@@ -46,6 +49,7 @@ pub use counts::Counts;
 pub use diff::{diff, diff_table};
 pub use environment::environment;
 pub use limits::Rates;
+pub use lines::Lines;
 pub use recipe::{Axis, Layers, MOST_TRIANGLES, Order, Recipe, Shape};
 pub use report::report;
 pub use rows::{
@@ -54,5 +58,6 @@ pub use rows::{
 pub use run::{Executors, MAX_ROUNDS, Measurement, Rounds, Settings, Side, measure};
 pub use scenes::{CROSSOVER, Named, SHEET, find, named};
 pub use stages::{StageTime, Stages};
+pub use stencil::Stencil;
 pub use table::{Columns, csv_header, csv_line, footer, table};
 pub use watch::{Quiet, Watch, busy_already};

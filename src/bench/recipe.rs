@@ -1,5 +1,6 @@
 //! The recipe of a generated scene, and the axes along which recipes vary.
 
+use super::{lines::Lines, stencil::Stencil};
 use crate::{abi::MAX_COLORS, image::Extent, random::Random, samples::Samples};
 
 /// The most triangles that stand in one pair of buffers: as many as fit the smallest that a Vulkan device
@@ -72,6 +73,10 @@ pub struct Recipe {
     pub samples: Samples,
     /// Colour targets, each written by the fragment shader: 1 to 8.
     pub targets: u32,
+    /// What draws do with stencil values.
+    pub stencil: Stencil,
+    /// Lines in place of triangles: their sides.
+    pub lines: Option<Lines>,
     /// Seed of the random numbers for places, colours and textures.
     pub seed: u64,
 }
@@ -95,6 +100,8 @@ impl Recipe {
             materials: 1,
             samples: Samples::One,
             targets: 1,
+            stencil: Stencil::None,
+            lines: None,
             seed: 0,
         }
     }
@@ -167,6 +174,8 @@ impl Recipe {
             Axis::Pipelines => self.pipelines = number(1..=64)?,
             Axis::Samples => self.samples = Axis::samples(text)?,
             Axis::Targets => self.targets = number(1..=MAX_COLORS)?,
+            Axis::Stencil => self.stencil = Stencil::named(text)?,
+            Axis::Lines => self.lines = Lines::parse(text)?,
             Axis::Size => return Err("the size is not the scene's".into()),
         }
         Ok(())
@@ -260,11 +269,15 @@ pub enum Axis {
     Samples,
     /// [`Recipe::targets`].
     Targets,
+    /// [`Recipe::stencil`].
+    Stencil,
+    /// [`Recipe::lines`].
+    Lines,
 }
 
 impl Axis {
     /// All of them, with what their values are.
-    pub const ALL: [(Axis, &'static str); 14] = [
+    pub const ALL: [(Axis, &'static str); 16] = [
         (
             Axis::Area,
             "pixels that a triangle covers, 0.25 or more, or full; of `sheet`, which covers less of\n                  the picture where all of it would take more than 4194304 triangles",
@@ -288,6 +301,14 @@ impl Axis {
             "samples of a pixel, 1, 2, 4, 8 or 16; of files and built-in scenes too; rows of more than the\n                  device itself draws are left out and listed",
         ),
         (Axis::Targets, "colour targets that the fragment shader writes, up to 8"),
+        (
+            Axis::Stencil,
+            "none, test (it only compares), write (each pixel gets the number of its draw) or order (each\n                  fragment adds one, in order)",
+        ),
+        (
+            Axis::Lines,
+            "no, or the sides of triangles as lines: their width, 1 to 1024, or bresenham-1 to\n                  bresenham-1024; rows of lines that the device itself does not draw are left out and listed",
+        ),
     ];
 
     /// As it is typed.
@@ -307,6 +328,8 @@ impl Axis {
             Axis::Pipelines => "pipelines",
             Axis::Samples => "samples",
             Axis::Targets => "targets",
+            Axis::Stencil => "stencil",
+            Axis::Lines => "lines",
         }
     }
 
@@ -384,6 +407,11 @@ mod tests {
             (Axis::Samples, "32", "1, 2, 4, 8 or 16"),
             (Axis::Targets, "0", "1 to 8"),
             (Axis::Targets, "9", "1 to 8"),
+            (Axis::Stencil, "yes", "none, test, write or order"),
+            (Axis::Lines, "0", "1 to 1024"),
+            (Axis::Lines, "nan", "1 to 1024"),
+            (Axis::Lines, "bresenham", "bresenham-1"),
+            (Axis::Lines, "bresenham-2000", "bresenham-1"),
         ] {
             let refused = sheet(&[(axis, text)]).unwrap_err();
             assert!(refused.contains(said), "{refused}");

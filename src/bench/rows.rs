@@ -132,6 +132,7 @@ pub fn row(label: &Label, m: &Measurement, quiet: &Quiet) -> Value {
         "pipelines": m.counts.pipelines,
         "samples": m.counts.samples,
         "targets": m.counts.targets,
+        "stencil": m.counts.stencil,
         "vertices": m.counts.vertices,
         "batches": m.counts.batches,
         "varying_words": m.counts.varying_words,

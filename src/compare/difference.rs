@@ -28,7 +28,7 @@ pub struct Difference {
     pub coverage_differing: u64,
     /// Pixels that both sides cover, but with different primitives.
     pub winner_differing: u64,
-    /// Pixels of which some channel of a colour target differs by more than 1 of 255.
+    /// Pixels of which some channel of a colour target differs by more than 1 of 255, or the stored stencil value.
     pub colour_over_1: u64,
     /// The largest difference of a channel, of 255.
     pub colour_max: u8,
@@ -99,14 +99,18 @@ pub fn compare(a: Drawn<'_>, b: Drawn<'_>) -> Result<Difference> {
     Ok(difference)
 }
 
-/// Per pixel, the largest difference of a channel of any colour target, in 8 bits.
+/// Per pixel, the largest difference of a channel of any colour target, in 8 bits. Stencil values count as colours
+/// that are integers.
 fn color_deltas(a: &Frame, b: &Frame) -> Result<Vec<u8>> {
     let (targets, others) = (a.colors.len(), b.colors.len());
     if targets != others {
         return Err(Error::Usage(format!("drawings of {targets} and {others} colour targets")));
     }
     let mut deltas = vec![0; color(a)?.extent.pixels()];
-    for (a, b) in a.colors.iter().zip(&b.colors) {
+    if a.stencil.is_some() != b.stencil.is_some() {
+        return Err(Error::Usage("only one of the two drawings has stencil values".into()));
+    }
+    for (a, b) in a.colors.iter().chain(&a.stencil).zip(b.colors.iter().chain(&b.stencil)) {
         same_shape(a, b)?;
         for (most, delta) in deltas.iter_mut().zip(channel_deltas(a, b)?) {
             *most = delta.max(*most);
@@ -239,6 +243,24 @@ mod tests {
         let mut fewer = a.clone();
         fewer.colors.pop();
         assert!(of((&a, &ids), (&fewer, &ids)).is_err());
+    }
+
+    #[test]
+    fn stencil_values_are_equal_or_differ_by_all_there_is() {
+        let ids = id_frame([0; 4], None);
+        let of_values = |values: [u8; 4]| Frame {
+            stencil: Some(Picture {
+                extent: EXTENT,
+                format: Format::S8Uint,
+                bytes: values.to_vec(),
+            }),
+            ..frame([[10; 4]; 4], None)
+        };
+        let (a, b) = (of_values([0, 1, 2, 3]), of_values([0, 1, 3, 3]));
+        assert_eq!(of((&a, &ids), (&a, &ids)).unwrap().colour_max, 0);
+        let difference = of((&a, &ids), (&b, &ids)).unwrap();
+        assert_eq!((difference.colour_over_1, difference.colour_max), (1, 255));
+        assert!(of((&a, &ids), (&frame([[10; 4]; 4], None), &ids)).is_err());
     }
 
     #[test]

@@ -15,6 +15,7 @@
 //!
 //! Ids have one sample, whatever the pass has. The coverage of the others is compared where the eye sees it: in the
 //! colours that they become. All colour targets are compared, and a pixel differs as much as the worst of them.
+//! Stencil values that are stored count as a colour target of integers.
 //!
 //! Each pixel is thus counted once among the first three, and a figure has one cause: coverage is
 //! the rasterizer, the winner is the depth test, depth is the interpolation.

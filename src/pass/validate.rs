@@ -26,7 +26,7 @@ const VIEWPORT_BOUND_PX: f32 = 32768.0;
 /// Largest stride and attribute offset that Vulkan promises.
 const STRIDE_BYTES: u32 = 2048;
 /// Largest width of a line.
-const LINE_WIDTH_PX: f32 = 1024.0;
+pub(crate) const LINE_WIDTH_PX: f32 = 1024.0;
 /// Alignment of a block in its buffer: the largest that Vulkan lets a device ask for.
 const BLOCK_ALIGNMENT: usize = 256;
 

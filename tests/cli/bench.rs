@@ -164,6 +164,31 @@ fn samples_and_targets_are_axes() {
     }
 }
 
+/// Rows with a stencil target and of lines, the frames and processes of their own among them.
+#[test]
+fn stencil_and_lines_are_axes() {
+    for (axis, values) in [("stencil", &["none", "order"][..]), ("lines", &["no", "bresenham-2"])] {
+        let typed = format!("{axis}={}", values.join(","));
+        let line = ["bench", "--axis", &typed, "--size", "40x30", "--rounds", "1"];
+        let results = run(line.into_iter().chain(["--json"])).expect(0).json();
+        let rows = results["rows"].as_array().unwrap();
+        assert_eq!(rows.len(), values.len());
+        for (row, value) in rows.iter().zip(values) {
+            assert_eq!(row["axes"][axis], *value, "{row}");
+            assert_eq!(row["counts"]["stencil"], *value == "order", "{row}");
+            // Five by four cells of two triangles, each side once.
+            let primitives = if *value == "bresenham-2" { 5 * 5 + 6 * 4 + 20 } else { 40 };
+            assert_eq!(row["counts"]["triangles"], primitives, "{row}");
+            assert_eq!(row["images_equal"], true, "{row}");
+            assert!(row["ratio"].as_f64().unwrap() > 0.0, "{row}");
+            assert!(row["changing"]["ratio"].as_f64().unwrap() > 0.0, "{row}");
+            for side in ["compute", "classic"] {
+                assert!(row[side]["first_frame_ms"].as_f64().unwrap() > 0.0, "{side}: {row}");
+            }
+        }
+    }
+}
+
 /// No device has all numbers of samples; what it lacks costs the other rows nothing.
 #[test]
 fn samples_that_the_device_does_not_draw_are_listed() {
@@ -296,6 +321,9 @@ fn a_line_that_makes_no_sense_is_refused_before_a_device_is_opened() {
         (&["builtin:cube", "--axis", "samples=5"], "1, 2, 4, 8 or 16"),
         (&["--axis", "samples=0"], "1, 2, 4, 8 or 16"),
         (&["--axis", "targets=9"], "1 to 8"),
+        (&["--axis", "stencil=some"], "none, test, write or order"),
+        (&["--axis", "lines=0"], "a width from 1 to 1024"),
+        (&["builtin:cube", "--axis", "lines=1"], "--axis lines"),
         (&["--axis", "size=7"], "WxH"),
         (&["--axis", "area=1", "--axis", "count=9", "--axis", "depth=2"], "leave one out"),
         (&["--budget", "0"], "more than 0"),
@@ -325,8 +353,17 @@ fn a_line_that_makes_no_sense_is_refused_before_a_device_is_opened() {
 #[test]
 fn scenes_and_axes_are_listed() {
     let run = run(["bench", "--list"]).expect(0);
-    for name in ["small-4m", "layers-blended", "foliage", "area", "varyings", "samples", "targets"]
-    {
+    for name in [
+        "small-4m",
+        "layers-blended",
+        "foliage",
+        "area",
+        "varyings",
+        "samples",
+        "targets",
+        "stencil",
+        "lines",
+    ] {
         assert!(run.stdout_text().contains(&format!("  {name} ")), "{name}");
     }
 }

@@ -31,6 +31,8 @@ Examples:
   tilewright bench large small-1m scene.glb builtin:still-life --size 1920x1080 --size 512x512
   tilewright bench --axis area=0.25,1,16,full --axis depth=1,8 --json > area.json
   tilewright bench foliage scene.glb --axis samples=1,4
+  tilewright bench large foliage --axis stencil=none,test,write,order
+  tilewright bench small-1m --axis lines=no,1,8,bresenham-1,bresenham-8
   tilewright bench --report report.html --budget 600
   tilewright bench large --rounds 100 --warm-up 10 --seed 7
   tilewright bench show results.json --report report.html

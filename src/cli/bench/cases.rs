@@ -231,6 +231,10 @@ fn combinations(axes: &[(Axis, Vec<String>)]) -> Vec<Vec<(Axis, String)>> {
 mod tests {
     use super::super::super::args::{Typed, Verb};
     use super::*;
+    use crate::{
+        state::{LineMode, Topology},
+        stencil::StencilOp,
+    };
     use clap::Parser;
 
     fn cases_of(line: &[&str]) -> Vec<Case> {
@@ -293,6 +297,30 @@ mod tests {
         assert_eq!(passes(&line), [(1, 1), (8, 1), (1, 1), (8, 1)]);
         let line = ["--axis", "targets=1,3,8", "--axis", "samples=2", "--size", "8x8"];
         assert_eq!(passes(&line), [(2, 1), (2, 3), (2, 8)]);
+    }
+
+    #[test]
+    fn stencil_and_lines_reach_the_pass() {
+        let line = ["large", "--axis", "lines=no,8,bresenham-2", "--axis", "stencil=none,write"];
+        let of = |pass: Pass| {
+            let pipeline = &pass.pipelines[0];
+            let is_written = pipeline.stencil.is_some_and(|s| s.front.pass == StencilOp::Replace);
+            assert_eq!(pass.stencil.is_some(), is_written);
+            (pipeline.topology, pipeline.line_width, pipeline.line_mode, is_written)
+        };
+        let line: Vec<_> = line.into_iter().chain(["--size", "8x8"]).collect();
+        assert_eq!(names(&line)[3], "large lines=8 stencil=write 8x8");
+        let found: Vec<_> = cases_of(&line).iter().map(|case| of(case.pass().unwrap())).collect();
+        let (rectangular, bresenham) = (LineMode::Rectangular, LineMode::Bresenham);
+        let wanted = [
+            (Topology::TriangleList, 1.0, rectangular),
+            (Topology::LineList, 8.0, rectangular),
+            (Topology::LineList, 2.0, bresenham),
+        ];
+        let both = |(topology, width, mode)| {
+            [false, true].map(|is_written| (topology, width, mode, is_written))
+        };
+        assert_eq!(found, wanted.map(both).concat());
     }
 
     #[test]
