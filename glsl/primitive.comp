@@ -7,7 +7,7 @@
 // Contract: the triangles of a primitive cover exactly the samples inside it and inside the
 // clip volume, viewport and scissor, by the top-left rule; two triangles that share an edge share no
 // pixel and leave none out. A primitive that draws nothing writes no triangle; if the batch is traced, it
-// writes a triangle whose `flags` are 0.
+// writes a triangle that is not TRIANGLE_VALID.
 // Kernel / Twin: src/compute/primitive.rs, src/reference/primitive.rs.
 //
 // An invocation takes PRIMITIVE_ROUNDS primitives, one after the other. Most of them belong to the same

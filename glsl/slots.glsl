@@ -33,6 +33,7 @@ uvec3 vertex_slots(const Piece piece, const uint in_piece) {
 // Which of the three vertices of a primitive gives its flat inputs.
 uint provoking_vertex(const Piece piece, const uint in_piece) {
     if ((piece.fragment_state & FRAGMENT_STATE_PROVOKED_LAST) == 0u) return 0u;
-    return last_of(piece.topology, (piece.first_in_draw + in_piece) % piece.primitives_per_instance);
+    uint q = piece.first_in_draw + in_piece;
+    return last_of(piece.topology, q - divide(q, piece.primitives_per_instance) * piece.primitives_per_instance);
 }
 #endif

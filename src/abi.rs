@@ -49,7 +49,7 @@ shared_constants! {
     /// Most clip distances and cull distances of a vertex, together.
     pub const MAX_DISTANCES: u32 = 8;
     /// The location of an output or input that stands for the first distances of a vertex. They lie after all other varyings.
-    pub const DISTANCE_LOCATION: u32 = 256;
+    pub const DISTANCE_LOCATION: u32 = 512;
     /// Locations of distances.
     pub const DISTANCE_LOCATIONS: u32 = MAX_DISTANCES / 4;
     /// [`Piece::distances`]: first bit of the number of cull distances. That of clip distances comes before.
@@ -258,6 +258,8 @@ shared_constants! {
     pub const COLOR_MASK_SHIFT: u32 = 2 * BLEND_BITS + 2;
 }
 
+const _: () =
+    assert!(SECOND_SOURCE >= 256 && DISTANCE_LOCATION > SECOND_SOURCE, "no location of a user's");
 const _: () = assert!(WINDOW_OVERLAP == 4 * 4, "four components of four bytes at most");
 
 /// A run of consecutive primitives of one draw inside one batch.

@@ -278,19 +278,19 @@ fn distances_at_the_edge_of_numbers() {
 fn every_plane_cuts_a_triangle() {
     on_each_gpu("every plane cuts a triangle", |gpu| {
         let mut compute = compute::Renderer::new(gpu).unwrap();
-        // A triangle around the target, from which eight planes leave an octagon, or nearly so.
+        // A triangle around the view volume. Eight planes of the user, the four sides, the near and the far plane all cut it.
         let corners: Vec<Corner> = (0..40)
             .flat_map(|n| {
-                let depth = n as f32 / 40.0;
+                let more = n as f32 / 400.0;
                 [0.25f32, 0.916, 1.583].map(|turn| {
                     let (y, x) = (turn * std::f32::consts::PI).sin_cos();
                     let distances = std::array::from_fn(|plane| {
                         let (b, a) = (plane as f32 * std::f32::consts::FRAC_PI_4 + 0.1).sin_cos();
-                        0.9 - 0.02 * n as f32 - 4.0 * (a * x + b * y)
+                        1.01 - 4.0 * (a * x + b * y)
                     });
                     Corner {
-                        place: [4.0 * x, 4.0 * y, depth, 1.0],
-                        tint: [depth, 0.0, 0.0, 1.0],
+                        place: [4.0 * x, 4.0 * y, 0.5 - more + 1.96 * (0.883 * x + 0.469 * y), 1.0],
+                        tint: [more, 0.0, 0.0, 1.0],
                         distances,
                     }
                 })
@@ -304,9 +304,22 @@ fn every_plane_cuts_a_triangle() {
         let (_, trace) = compute.trace(&pass).unwrap();
         assert_eq!(reference::first_difference(&pass, &trace), None, "{}", gpu.info());
         let parts = trace.bands[0].iter().flat_map(|batch| &batch.triangles).map(Vec::len).max();
-        assert!(parts.unwrap() >= 6, "{parts:?} parts");
+        assert!(parts.unwrap() >= 12, "{parts:?} parts");
+        // A fragment shader without inputs leaves the distances alone among the varyings.
+        let fragment = "#version 450
+            layout(location = 0) out vec4 written;
+            void main() { written = vec4(1.0); }";
+        let plain = pipeline(vertex(8, 0), fragment).cull(Cull::None).depth(DepthState::LESS);
+        let plain = compute.render(&pass.clone().pipelines([plain])).unwrap();
+        let drawn =
+            |frame: &Frame| frame.colors[0].values().map(|value| value[3]).collect::<Vec<_>>();
+        assert_eq!(drawn(&plain), drawn(&whole));
         for primitives in [1, 2, 7] {
-            compute.set_batch_limit(Capacities { primitives, ..Capacities::DEFAULT });
+            compute.set_batch_limit(Capacities {
+                primitives,
+                vertices: 4 * primitives,
+                varying_words: 64 * primitives,
+            });
             assert_eq!(compute.render(&pass).unwrap().colors, whole.colors, "{primitives}");
         }
         compute.set_batch_limit(Capacities::DEFAULT);

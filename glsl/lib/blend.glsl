@@ -2,25 +2,26 @@
 #ifndef BLEND_GLSL
 #define BLEND_GLSL
 
-// The parts of an equation.
-uint source_factor(const uint equation) {
-    return equation & ((1u << BLEND_FACTOR_BITS) - 1u);
-}
-
-uint target_factor(const uint equation) {
-    return (equation >> BLEND_TARGET_SHIFT) & ((1u << BLEND_FACTOR_BITS) - 1u);
-}
-
-uint blend_op(const uint equation) {
-    return equation >> BLEND_OP_SHIFT;
-}
+// The parts of equations.
+#define PARTS(T) \
+    T source_factor(const T equation) { \
+        return equation & ((1u << BLEND_FACTOR_BITS) - 1u); \
+    } \
+    T target_factor(const T equation) { \
+        return (equation >> BLEND_TARGET_SHIFT) & ((1u << BLEND_FACTOR_BITS) - 1u); \
+    } \
+    T blend_op(const T equation) { \
+        return equation >> BLEND_OP_SHIFT; \
+    }
+PARTS(uint)
+PARTS(uvec4)
 
 // Each odd factor is 1 minus the even factor before it (`BlendFactor` of state.rs). Each channel has a factor of its own, which
 // is chosen by selections, because drivers for CPUs turn a switch into a dozen branches and compile them all. Factors of a
 // signed normalized target (`has_sign`) are at most 1, those of a float may be anything, and all others are in 0..=1 by
 // themselves.
-vec4 blend_factor(const uvec4 factor, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
 #define BEFORE(first) lessThan(factor, uvec4(first))
+vec4 blend_factor(const uvec4 factor, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
     vec4 color = mix(target, source, BEFORE(BLEND_FACTOR_DST_COLOR));
     vec4 alpha = mix(vec4(target.a), vec4(source.a), BEFORE(BLEND_FACTOR_DST_ALPHA));
     vec4 fixed_value = mix(vec4(constants.a), constants, BEFORE(BLEND_FACTOR_CONSTANT_ALPHA));
@@ -34,12 +35,13 @@ vec4 blend_factor(const uvec4 factor, const vec4 source, const vec4 target, cons
     vec4 rest = has_sign ? min(1.0 - even, 1.0) : 1.0 - even;
     return mix(even, rest, notEqual(factor & 1u, uvec4(0u)));
 }
+#undef BEFORE
 
 // `equation` is that of colour three times, then that of alpha.
 vec4 blend_apply(const uvec4 equation, const vec4 source, const vec4 target, const vec4 constants, const vec4 second, const bool has_sign) {
-    uvec4 op = equation >> BLEND_OP_SHIFT, all = uvec4((1u << BLEND_FACTOR_BITS) - 1u);
-    vec4 s = source * blend_factor(equation & all, source, target, constants, second, has_sign);
-    vec4 t = target * blend_factor((equation >> BLEND_TARGET_SHIFT) & all, source, target, constants, second, has_sign);
+    uvec4 op = blend_op(equation);
+    vec4 s = source * blend_factor(source_factor(equation), source, target, constants, second, has_sign);
+    vec4 t = target * blend_factor(target_factor(equation), source, target, constants, second, has_sign);
     vec4 sum = mix(mix(t - s, s - t, equal(op, uvec4(BLEND_OP_SUBTRACT))), s + t, equal(op, uvec4(BLEND_OP_ADD)));
     vec4 extreme = mix(max(source, target), min(source, target), equal(op, uvec4(BLEND_OP_MIN)));
     return mix(extreme, sum, lessThan(op, uvec4(BLEND_OP_MIN)));

@@ -18,7 +18,7 @@ const _: () = assert!(abi::MAX_CLIPPED == 7, "MAX_CLIPPED has changed: run `carg
 const _: () = assert!(abi::MAX_CLIPPED_BY_DISTANCES == 15, "MAX_CLIPPED_BY_DISTANCES has changed: run `cargo spirv`");
 const _: () = assert!(abi::KEY_LOG2 == 4, "KEY_LOG2 has changed: run `cargo spirv`");
 const _: () = assert!(abi::MAX_DISTANCES == 8, "MAX_DISTANCES has changed: run `cargo spirv`");
-const _: () = assert!(abi::DISTANCE_LOCATION == 256, "DISTANCE_LOCATION has changed: run `cargo spirv`");
+const _: () = assert!(abi::DISTANCE_LOCATION == 512, "DISTANCE_LOCATION has changed: run `cargo spirv`");
 const _: () = assert!(abi::DISTANCE_LOCATIONS == 2, "DISTANCE_LOCATIONS has changed: run `cargo spirv`");
 const _: () = assert!(abi::CULL_DISTANCES_SHIFT == 4, "CULL_DISTANCES_SHIFT has changed: run `cargo spirv`");
 const _: () = assert!(abi::MAX_FRAGMENT_KERNELS == 32, "MAX_FRAGMENT_KERNELS has changed: run `cargo spirv`");

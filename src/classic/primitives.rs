@@ -97,7 +97,7 @@ pub(super) fn of_primitives(
         (
             points && !pipeline.vertex.reflection.writes_point_size,
             false,
-            "size for points whose vertex shader writes no gl_PointSize, as in all of Vulkan",
+            "size for points whose vertex shader writes no gl_PointSize, as in Vulkan without maintenance5",
         ),
         (
             lines && !bresenham,

@@ -27,7 +27,7 @@ use std::ops::Range;
 /// |---|---|---|---|
 /// | `positions` | clip-space position of a vertex slot | vertex | primitive, shading |
 /// | `window_positions` | window position and outcode of a vertex slot | vertex | primitive |
-/// | `varyings` | word of a vertex slot | vertex | shading |
+/// | `varyings` | word of a vertex slot | vertex | shading, primitive (distances) |
 /// | `triangles` | triangle | primitive | binning, raster, shading |
 /// | `primitive_cells` | the cell that lists a primitive, or that there is none or several | primitive | scatter |
 /// | `cell_counts` | triangles of a cell | primitive | scan |

@@ -132,7 +132,7 @@ impl Planning<'_> {
         info: PipelineInfo,
     ) -> Result<Option<(Piece, u32)>> {
         let limit = self.limit;
-        if total <= limit.primitives {
+        if total <= limit.primitives_of(info.distances) {
             return Ok(None);
         }
         let (piece, slots) = self.piece(draw, pipeline, template, 0..total)?;

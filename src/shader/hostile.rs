@@ -181,3 +181,28 @@ fn an_array_of_no_elements_is_refused() {
     let text = reflected(&assemble(&with_input("", types))).unwrap_err().to_string();
     assert!(text.contains("an array of no elements"), "{text}");
 }
+
+/// Distances lie in places of their own, which two declarations would share.
+#[test]
+fn distances_are_declared_once_and_interpolated_as_they_are() {
+    let types = "%four = OpConstant %uint 4
+        %top = OpTypeArray %float %four";
+    let distances = |decorations: &str| {
+        let text = with_input(decorations, types)
+            .replace("OpMemoryModel", "OpCapability ClipDistance\nOpMemoryModel");
+        text.replace("OpDecorate %in Location 0", "OpDecorate %in BuiltIn ClipDistance")
+    };
+    let shader = reflected(&assemble(&distances(""))).unwrap();
+    assert_eq!((shader.reflection.distances.clip, shader.reflection.inputs.len()), (4, 0));
+    for decoration in ["Flat", "NoPerspective", "Centroid"] {
+        let words = assemble(&distances(&format!("OpDecorate %in {decoration}")));
+        let text = reflected(&words).unwrap_err().to_string();
+        assert!(text.contains("with an interpolation of its own"), "{text}");
+    }
+    let twice = distances("OpDecorate %more BuiltIn ClipDistance")
+        .replace("%c %in\n", "%c %in %more\n")
+        .replace("%out =", "%more = OpVariable %pointer Input\n%out =")
+        .replace("OpStore %c", "%again = OpLoad %top %more\nOpStore %c");
+    let text = reflected(&assemble(&twice)).unwrap_err().to_string();
+    assert!(text.contains("ClipDistance is declared twice"), "{text}");
+}

@@ -58,6 +58,12 @@ pub(super) fn variable(
     if let Some(built_in) = index.built_in(id, None) {
         return Ok(match is_distance(built_in) {
             true => {
+                let has = |decoration| index.has(id, decoration);
+                if interpolation(has).is_some() || auxiliary(has).is_some() {
+                    return Err(format!(
+                        "the built-in {built_in:?} with an interpolation of its own"
+                    ));
+                }
                 let leaves = distances(index, ty, built_in, (&[], specialization))?;
                 Variable::Distances(built_in, leaves)
             }

@@ -115,7 +115,9 @@ fn add_varyings(
         Variable::BuiltIn(BuiltIn::SampleMask) if written => reflection.discards = true,
         Variable::BuiltIn(BuiltIn::SampleMask) => reflection.reads_coverage = true,
         Variable::BuiltIn(_) => {}
-        Variable::Distances(built_in, leaves) => reflection.distances.add(built_in, leaves.len()),
+        Variable::Distances(built_in, leaves) => {
+            reflection.distances.add(built_in, leaves.len())?
+        }
         Variable::BuiltInBlock(members) => {
             let (Some(id), Some(pointer)) = (variable.result_id, variable.result_type) else {
                 return Ok(());
@@ -124,7 +126,7 @@ fn add_varyings(
             for (built_in, leaves) in
                 interface::distances_of_block((index, usage), block, &members, &[])?
             {
-                reflection.distances.add(built_in, leaves.len());
+                reflection.distances.add(built_in, leaves.len())?;
             }
         }
     }

@@ -59,11 +59,17 @@ impl Distances {
         *self == Self::default()
     }
 
-    pub(super) fn add(&mut self, built_in: BuiltIn, count: usize) {
-        match built_in {
-            BuiltIn::ClipDistance => self.clip += count as u32,
-            _ => self.cull += count as u32,
+    /// Takes note of a declaration of one of the two.
+    ///
+    /// # Errors
+    /// A sentence, if it is the second one.
+    pub(super) fn add(&mut self, built_in: BuiltIn, count: usize) -> Result<(), String> {
+        let known = if built_in == BuiltIn::ClipDistance { &mut self.clip } else { &mut self.cull };
+        if *known > 0 {
+            return Err(format!("the built-in {built_in:?} is declared twice"));
         }
+        *known = count as u32;
+        Ok(())
     }
 
     /// Why no kernel has room for so many; `None` if kernels have.

@@ -330,7 +330,7 @@ impl Importer<'_, '_> {
         let variable = self.linker.private(ty);
         self.map[old as usize] = variable;
         self.own[old as usize] = true;
-        // What a shader leaves unwritten may be anything in Vulkan. Here it is 0, whatever was shaded before.
+        // What a shader leaves unwritten may be anything in Vulkan. Here it is 0; of lone built-ins it is what the kernel has.
         if output && !matches!(kind, PortKind::BuiltIn(..)) {
             let null = self.linker.null(ty);
             self.imported.initial.push((variable, null));
