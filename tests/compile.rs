@@ -24,10 +24,10 @@ layout(location = 0) out vec4 color;
 void main() { if (at.x < -0.9 && DISCARDS) discard; color = vec4(at, FACTOR, 0.5); }";
 /// A feature that Vulkan has and this library does not.
 const REFUSED: &str = "#version 450
+#extension GL_EXT_fragment_shader_barycentric : require
 layout(location = 0) in vec2 at;
 layout(location = 0) out vec4 color;
-in float gl_ClipDistance[1];
-void main() { color = vec4(at, gl_ClipDistance[0], 1.0); }";
+void main() { color = vec4(at, gl_BaryCoordEXT.x, 1.0); }";
 
 fn pipeline(fragment: &str) -> Pipeline {
     let shader = |stage, source| {
@@ -225,7 +225,7 @@ fn errors_come_when_the_pipeline_is_compiled() {
         let refused = pipeline(REFUSED);
         let shader = |fault: Option<Error>| match fault {
             Some(Error::Shader { reason, .. }) => {
-                assert!(reason.contains("ClipDistance"), "{reason}")
+                assert!(reason.contains("BaryCoord"), "{reason}")
             }
             other => panic!("{other:?}"),
         };
